@@ -1,0 +1,159 @@
+"""Closest points of a static cloud: a voxel table (fast path) and brute force (reference).
+
+The table holds, for each cell of a cube around the cloud, the indices of the points nearest to the cell's centre. A
+query looks its cell up and ranks that cell's candidates by their true distance. With one index per cell the answer is
+exact up to the cell; with more candidates than neighbours asked for it is exact nearly everywhere near the cloud
+(``tests/geometry/test_nearest.py`` holds the figures). Outside the cube a query is answered by the nearest cell.
+"""
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.spatial import cKDTree
+
+from jaxmodel.geometry.voxel_grid import cube_around
+
+
+# The squared distance that stands for "no such neighbour". Finite on purpose: the kernels let the compiler reorder
+# sums, and sentinels must survive that whatever it assumes of infinities.
+FAR = np.float32(1e30)
+
+
+class Neighbours(eqx.Module):
+    """The ``k`` nearest points of each query, nearest first; structure of arrays, as the kernels want them."""
+
+    index: Int[jax.Array, "k n"]
+    squared_distance: Float[jax.Array, "k n"]
+
+
+class VoxelTable(eqx.Module):
+    """``index[cell, rank]`` with flat row-major cells; int16 up to 32 767 points, int32 beyond."""
+
+    index: Int[np.ndarray | jax.Array, "cells candidates"]
+    origin: Float[np.ndarray | jax.Array, "3"]
+    inverse_cell: Float[np.ndarray | jax.Array, ""]
+    cells_per_edge: int = eqx.field(static=True)
+
+    @property
+    def candidates(self) -> int:
+        return self.index.shape[1]
+
+    @property
+    def cell(self) -> float:
+        """Edge of a cell in the unit of the data (host only)."""
+        return float(1.0 / self.inverse_cell)
+
+
+def build_table(
+    points: Float[np.ndarray, "n 3"], cells: int = 128, candidates: int = 1, margin: float | None = None
+) -> VoxelTable:
+    """Build the table on the host.
+
+    ``margin`` grows the cloud's box on every side (unit of the data; default a fifth of its longest edge). Rows are
+    ordered by distance to the cell's centre. With fewer points than candidates, the last index is repeated.
+    """
+    if margin is None:
+        margin = 0.2 * float(np.ptp(points, axis=0).max())
+    grid = cube_around(points, cells, margin)
+    tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
+    found = min(candidates, len(points))
+    index = np.empty((cells**3, candidates), np.int16 if len(points) <= np.iinfo(np.int16).max else np.int32)
+    for first in range(0, cells**3, 1 << 18):  # slabs, so that the tree's float64 answer stays small
+        keys = np.arange(first, min(first + (1 << 18), cells**3))
+        _, nearest = tree.query(grid.centres(keys), k=found, workers=-1)
+        nearest = np.asarray(nearest).reshape(len(keys), found)
+        index[first : first + len(keys), :found] = nearest
+        index[first : first + len(keys), found:] = nearest[:, -1:]
+    return VoxelTable(index, grid.origin.astype(np.float32), np.float32(1.0 / grid.cell).reshape(()), cells)
+
+
+def cell_keys(table: VoxelTable, queries: Float[jax.Array, "3 n"]) -> Int[jax.Array, " n"]:
+    """Flat cell of each query, clamped into the table. Unsigned, so that no wrap-around of negative indices is emitted."""
+    cells = table.cells_per_edge
+    scaled = (queries - jnp.asarray(table.origin)[:, None]) * table.inverse_cell
+    i, j, k = jnp.clip(scaled, 0.0, cells - 1.0).astype(jnp.uint32)
+    return (i * jnp.uint32(cells) + j) * jnp.uint32(cells) + k
+
+
+def gather(values: jax.Array, index: jax.Array) -> jax.Array:
+    """``values[index]`` without bounds checks; the caller guarantees 0 <= index < len(values)."""
+    return values.at[index.astype(jnp.uint32)].get(mode="promise_in_bounds")
+
+
+def nearest_one(table: VoxelTable, queries: Float[jax.Array, "3 n"]) -> Int[jax.Array, " n"]:
+    """Index of the point nearest to the centre of each query's cell: one gather per query, exact up to the cell."""
+    flat = jnp.asarray(table.index).reshape(-1)
+    return gather(flat, cell_keys(table, queries) * jnp.uint32(table.candidates)).astype(jnp.int32)
+
+
+def nearest_table(
+    table: VoxelTable, points: Float[jax.Array, "3 m"], queries: Float[jax.Array, "3 n"], k: int
+) -> Neighbours:
+    """The k nearest among each cell's candidates, ranked by true distance; ``FAR`` where fewer than k exist."""
+    return candidate_stack(table, points, queries, k)
+
+
+def candidate_stack(
+    table: VoxelTable,
+    points: Float[jax.Array, "3 m"],
+    queries: Float[jax.Array, "3 n"],
+    k: int,
+    accept: Callable[[list[jax.Array]], Bool[jax.Array, " n"]] | None = None,
+) -> Neighbours:
+    """As ``nearest_table``; candidates whose coordinates ``accept`` refuses do not enter the stack.
+
+    The bits of a non-negative float order like an integer, so a candidate's squared distance and its column make one
+    key: the lowest bits of the distance give way to the column (a relative 2e-6 with 16 candidates). The next nearest
+    is then the smallest key above the last one, which needs neither swaps nor masks.
+    """
+    if k > table.candidates:
+        raise ValueError(f"a table with {table.candidates} candidates per cell cannot give {k} neighbours")
+    flat = jnp.asarray(table.index).reshape(-1)
+    first = cell_keys(table, queries) * jnp.uint32(table.candidates)
+    low_bits = (1 << max(table.candidates - 1, 1).bit_length()) - 1
+
+    # Both loops are there for what they return: a loop's result is stored once, where the compiler would fold plain
+    # array code into each of its uses and look every candidate up again and again.
+    def column_keys(column: jax.Array) -> Int[jax.Array, " n"]:
+        index = gather(flat, first + column)
+        point = [gather(points[axis], index) for axis in range(3)]
+        squared = sum((point[axis] - queries[axis]) ** 2 for axis in range(3))
+        # with fewer points than candidates the last index is repeated
+        refused = (column > 0) & (index == gather(flat, first + jnp.maximum(column, 1) - 1))
+        if accept is not None:
+            refused |= ~accept(point)
+        bits = jax.lax.bitcast_convert_type(jnp.where(refused, FAR, squared), jnp.int32)
+        return (bits & ~low_bits) | column.astype(jnp.int32)
+
+    keys = jax.lax.map(column_keys, jnp.arange(table.candidates, dtype=jnp.uint32))
+
+    def next_nearest(last: jax.Array, _: object) -> tuple[jax.Array, tuple[jax.Array, jax.Array]]:
+        last = jnp.min(jnp.where(keys > last, keys, jnp.iinfo(jnp.int32).max), axis=0)
+        index = gather(flat, first + (last & low_bits).astype(jnp.uint32)).astype(jnp.int32)
+        return last, (index, jax.lax.bitcast_convert_type(last & ~low_bits, jnp.float32))
+
+    _, (index, squared) = jax.lax.scan(next_nearest, jnp.full(queries.shape[1], -1, jnp.int32), None, length=k)
+    return Neighbours(index, squared)
+
+
+def nearest_brute(
+    points: Float[jax.Array, "3 m"], queries: Float[jax.Array, "3 n"], k: int, block: int = 256
+) -> Neighbours:
+    """The k nearest points by comparing every pair, ``block`` queries at a time (reference; O(block x m) memory)."""
+    count = queries.shape[1]
+    padded = jnp.pad(queries, ((0, 0), (0, -count % block)))
+
+    def one_block(q: jax.Array) -> tuple[jax.Array, jax.Array]:
+        squared = sum((q[axis][:, None] - points[axis][None, :]) ** 2 for axis in range(3))
+        negative, index = jax.lax.top_k(-jnp.asarray(squared), k)
+        return index.astype(jnp.int32).T, -negative.T
+
+    index, squared = jax.lax.map(one_block, padded.reshape(3, -1, block).transpose(1, 0, 2))
+    return Neighbours(
+        index.transpose(1, 0, 2).reshape(k, -1)[:, :count], squared.transpose(1, 0, 2).reshape(k, -1)[:, :count]
+    )
+

@@ -1,0 +1,151 @@
+"""What each command does, from its parsed words to a finished folder."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+from jaxmodel.errors import InputError
+from jaxmodel.io.results import RunDir, json_text, read_json
+from jaxmodel.io.strict_yaml import config_files, override, read_yaml
+from jaxmodel.run import arguments, console
+from jaxmodel.run.devices import prepare_devices
+from jaxmodel.run.pictures import CASE_COLUMNS, CLAIM_COLUMNS, case_line, claim_lines, redraw
+from jaxmodel.run.provenance import check_same, manifest
+from jaxmodel.run.published import COLUMNS, published_lines
+from jaxmodel.run.registry import load_experiment, prepare_experiment
+
+REGISTER_STARTS = 500
+"""Evenly spread starts that ``jaxmodel register`` tries when it is given no first guess."""
+
+
+def run(command: arguments.Run, changes: list[tuple[str, str]], line: str) -> None:
+    """``jaxmodel run``: any experiment from its YAML."""
+    path = _config_path(command.config)
+    raw = override(read_yaml(path), changes, str(path))
+    _experiment(raw, str(path), _folder(command, path.stem), command.resume is not None, command.json, line)
+
+
+def sweep(command: arguments.Sweep, line: str) -> None:
+    """``jaxmodel sweep``: the convergence experiment on one pair of files."""
+    if command.starts < 1:
+        raise InputError(f"--starts is {command.starts}, expected at least 1")
+    starts: dict[str, Any] = {"kind": "even", "count": command.starts}
+    if command.grid == "euler":
+        starts = {"kind": "euler", "steps": math.ceil(round(command.starts ** (1 / 3), 9)), "count": command.starts}
+    engine = {name: getattr(command, name) for name in ("executor", "lanes", "chunk", "order")}
+    raw = _file_experiment(command, command.truth, starts) | {"engine": engine}
+    out, resumed = _folder(command, None), command.resume is not None
+    _experiment(raw, "jaxmodel sweep", out, resumed, command.json, line)
+
+
+def register(command: arguments.Register, line: str) -> None:
+    """``jaxmodel register``: one motion, in ``transform.json``."""
+    starts: dict[str, Any] = {"kind": "even", "count": REGISTER_STARTS}
+    if command.init is not None:
+        starts = {"kind": "file", "path": str(command.init.absolute())}
+    out, resumed = _folder(command, None), command.resume is not None
+    summary = _experiment(_file_experiment(command, None, starts), "jaxmodel register", out, resumed, False, line)
+    from jaxmodel.run.single import transform_of
+
+    result = transform_of(command.target, command.source, summary["cases"][0])
+    with RunDir.resume(out) as folder:
+        folder.write_json("transform.json", result)
+    console.write(f"wrote {out / 'transform.json'}: {result['sentence']}, overlap {result['overlap']:.2f}")
+    if command.json:
+        console.write(json_text({"status": "ok", "out": str(out), **result}, indent=None))
+
+
+def _file_experiment(
+    command: arguments.Sweep | arguments.Register, truth: Path | None, starts: dict[str, Any]
+) -> dict[str, Any]:
+    """The convergence experiment on two files, as a YAML would say it."""
+    return {
+        "experiment": "convergence",
+        "seed": command.seed,
+        "scans": {
+            "kind": "files",
+            "target": str(command.target.absolute()),
+            "source": str(command.source.absolute()),
+            "truth": None if truth is None else str(truth.absolute()),
+        },
+        "control_points": [{"kind": command.control_points, "count": command.count}],
+        "starts": starts,
+        "method": command.method,
+        "claims": {"starts": 0},
+    }
+
+
+def report(command: arguments.Report) -> None:
+    """``jaxmodel report``: draw a finished run again."""
+    summary = read_json(command.folder / "summary.json")
+    if "cases" not in summary:
+        raise InputError(f"{command.folder}: holds no sweep, so there is nothing to draw")
+    with RunDir.resume(command.folder) as folder:
+        figures = redraw(folder, summary)
+    console.write(f"wrote {command.folder / 'report.html'} and {len(figures)} figures")
+    if command.json:
+        content = {"status": "ok", "out": str(command.folder), "report": "report.html", "figures": figures}
+        console.write(json_text(content, indent=None))
+
+
+def _experiment(raw: dict[str, Any], where: str, out: Path, resumed: bool, json: bool, line: str) -> dict[str, Any]:
+    if not resumed:
+        RunDir.refuse(out)
+    elif not out.is_dir():
+        raise InputError(f"{out}: no such folder, nothing to resume")
+    prepare_devices()
+    name, config = load_experiment(raw, where)
+    prepared = prepare_experiment(name, config)
+    about = manifest(name, prepared.resolved, prepared.inputs, line)
+    folder = RunDir.resume(out) if resumed else RunDir.create(out, about, prepared.bytes_needed)
+    try:
+        with folder, console.Progress() as progress:
+            if resumed:
+                check_same(folder.read_json("manifest.json"), about, out)
+            if folder.finished():
+                folder.remove_parts()
+                summary = folder.read_json("summary.json")
+            else:
+                summary = prepared.execute(folder, progress)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"finished chunks are kept, go on with --resume {out}") from None
+    _show(summary, out, line)
+    if json:
+        console.write(json_text({"status": "ok", "out": str(out), "summary": summary}, indent=None))
+    return summary
+
+
+def _show(summary: dict[str, Any], out: Path, line: str) -> None:
+    console.write_table(f"Convergence of {summary['method']}", CASE_COLUMNS, [case_line(c) for c in summary["cases"]])
+    claims = claim_lines(summary["cases"])
+    if claims:
+        console.write_table("Two claims of thesis §2.9.2", CLAIM_COLUMNS, claims)
+    if any(row["ours"] for row in summary["published"]):
+        console.write_table("Published | ours | command", COLUMNS, published_lines(summary["published"], line))
+    console.write(f"wrote {out}: results.parquet, summary.json, report.html and {len(summary['figures'])} figures")
+
+
+def _config_path(given: Path) -> Path:
+    """The file itself, or a built-in experiment of that name."""
+    if given.is_file():
+        return given
+    built_in = config_files() / "experiments" / given.with_suffix(".yaml").name
+    if built_in.is_file() and given.parent in (Path("."), Path("configs/experiments")):
+        return built_in
+    names = ", ".join(sorted(path.stem for path in built_in.parent.glob("*.yaml")))
+    raise InputError(f"{given}: no such file, expected a YAML file or the name of a built-in experiment ({names})")
+
+
+def _folder(command: arguments.Run | arguments.Sweep | arguments.Register, name: str | None) -> Path:
+    if command.resume is not None:
+        if command.out is not None and command.out.absolute() != command.resume.absolute():
+            raise InputError(f"--out {command.out} and --resume {command.resume} name two folders, expected one")
+        return command.resume
+    if command.out is not None:
+        return command.out
+    if name is None:
+        raise InputError("--out is required: the folder for the results")
+    number = 1
+    while (Path("runs") / f"{name}-{number}").exists():
+        number += 1
+    return Path("runs") / f"{name}-{number}"

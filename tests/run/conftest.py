@@ -1,0 +1,42 @@
+"""The command as a user starts it: its own process, its own folder."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Callable[..., subprocess.Popen[str]]:
+    """Start ``jaxmodel WORDS...`` in ``tmp_path`` and return the running process."""
+
+    def started(*words: str) -> subprocess.Popen[str]:
+        environment = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "200"}
+        script = "import sys; from jaxmodel.run.cli import main; main(sys.argv[1:])"
+        return subprocess.Popen(
+            [sys.executable, "-c", script, *words],
+            cwd=tmp_path,
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    return started
+
+
+@pytest.fixture
+def jaxmodel(start: Callable[..., subprocess.Popen[str]]) -> Callable[..., tuple[int, str, str]]:
+    """Run ``jaxmodel WORDS...`` to its end: exit code, standard output, standard error."""
+
+    def run(*words: str) -> tuple[int, str, str]:
+        process = start(*words)
+        output, errors = process.communicate(timeout=500)
+        return process.returncode, output, errors
+
+    return run

@@ -1,0 +1,186 @@
+"""The command line: quick help, exit codes, one sentence for each fault, nothing left behind by bad input."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from jaxmodel.errors import InputError
+from jaxmodel.run.arguments import Run, parse, split_overrides
+from jaxmodel.run.cli import execute
+
+BAD = Path(__file__).resolve().parents[1] / "bad_configs"
+Command = Callable[..., tuple[int, str, str]]
+HEAVY = ("jax", "open3d", "polars", "matplotlib", "plotly", "scipy", "numpy", "trimesh", "yaml", "cattrs", "pooch")
+
+
+@pytest.mark.parametrize(
+    "words", [[], ["run"], ["sweep"], ["register"], ["report"], ["data"], ["data", "list"], ["data", "fetch"]]
+)
+def test_help_has_an_example_and_imports_nothing_heavy(words: list[str]) -> None:
+    script = (
+        "import sys; from jaxmodel.run.cli import execute; code = execute(sys.argv[1:]);"
+        f"print('HEAVY', [m for m in {HEAVY!r} if m in sys.modules]); sys.exit(code)"
+    )
+    root = Path(__file__).resolve().parents[2]
+    done = subprocess.run(
+        [sys.executable, "-c", script, *words, "--help"],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(root)},
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "Example: jaxmodel" in done.stdout
+    assert "HEAVY []" in done.stdout
+
+
+@pytest.mark.parametrize("words", [["swep"], ["sweep", "a"], ["sweep", "a", "b", "--starts", "many"], []])
+def test_wrong_usage_is_code_two(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert execute(words) == 2
+
+
+def test_overrides_are_taken_out_wherever_they_stand() -> None:
+    words = ["run", "--engine.chunk", "3", "c.yaml", "--scans.names=[a, b]", "--json", "--out", "x"]
+    kept, changes = split_overrides(words)
+    assert kept == ["run", "c.yaml", "--json", "--out", "x"]
+    assert changes == [("engine.chunk", "3"), ("scans.names", "[a, b]")]
+    command, changes = parse(words)
+    assert command == Run(config=Path("c.yaml"), out=Path("x"), json=True) and len(changes) == 2
+
+
+def test_an_override_without_value_is_refused() -> None:
+    with pytest.raises(InputError, match=r"--engine\.chunk: expected a value"):
+        split_overrides(["run", "c.yaml", "--engine.chunk"])
+
+
+def test_a_bare_resume_means_the_out_folder() -> None:
+    command, _ = parse(["sweep", "a", "b", "--out", "d", "--resume", "--starts", "5"])
+    assert command == parse(["sweep", "a", "b", "--out", "d", "--resume", "d", "--starts", "5"])[0]
+
+
+@pytest.fixture
+def refused(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
+    """Run a command that must be refused: code 2, one sentence, no traceback, nothing made. Gives the sentence."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words: str) -> str:
+        before = sorted(tmp_path.rglob("*"))
+        assert execute(list(words)) == 2
+        shown = capsys.readouterr()
+        assert shown.err.startswith("jaxmodel: ") and shown.err.count("\n") == 1 and shown.err.endswith(".\n")
+        assert shown.out == ""
+        assert sorted(tmp_path.rglob("*")) == before
+        return shown.err
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("file", "words"),
+    [
+        ("unknown_key.yaml", "sede: unknown key, did you mean 'seed'?"),
+        ("unknown_nested_key.yaml", "engine.chnuk: unknown key, did you mean 'chunk'?"),
+        ("wrong_type.yaml", "seed: expected a whole number, got the text 'zero'"),
+        ("negative_seed.yaml", "seed is -1"),
+        ("negative_starts.yaml", "starts: count is -5"),
+        ("negative_count.yaml", "control_points.0: count is -2000"),
+        ("zero_chunk.yaml", "engine: chunk is 0"),
+        ("unknown_kind.yaml", "control_points.0"),
+        ("no_control_points.yaml", "control_points is empty"),
+        ("unknown_method.yaml", "thesis_2004"),
+        ("unknown_object.yaml", "bolder"),
+        ("unknown_experiment.yaml", "did you mean 'convergence'?"),
+        ("no_experiment.yaml", "the key 'experiment' is required"),
+        ("missing_scans.yaml", "scans: this key is required and missing"),
+        ("duplicate_key.yaml", "given twice"),
+        ("broken.yaml", "not valid YAML"),
+        ("empty.yaml", "the file is empty"),
+        ("absent.yaml", "no such file"),
+    ],
+)
+def test_bad_config_is_one_sentence_and_nothing_is_made(refused: Callable[..., str], file: str, words: str) -> None:
+    assert words in refused("run", str(BAD / file), "--out", "out")
+
+
+def test_bad_override_is_the_same_sentence(refused: Callable[..., str]) -> None:
+    sentence = refused("run", "quickstart", "--engine.chnuk", "3", "--out", "out")
+    assert "engine.chnuk: unknown key, did you mean 'chunk'?" in sentence
+
+
+def test_existing_folder_without_resume(refused: Callable[..., str], tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    assert "already exists" in refused("run", "quickstart", "--out", "out")
+
+
+def test_folder_below_a_file(refused: Callable[..., str], tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    assert "is not a folder" in refused("run", "quickstart", "--out", "file/out")
+
+
+def test_resume_of_nothing(refused: Callable[..., str]) -> None:
+    assert "nothing to resume" in refused("run", "quickstart", "--resume", "out")
+
+
+def test_two_folders(refused: Callable[..., str]) -> None:
+    assert "name two folders" in refused("run", "quickstart", "--resume", "a", "--out", "b")
+
+
+def test_sweep_faults(refused: Callable[..., str], tmp_path: Path) -> None:
+    (tmp_path / "a.xyz").write_text("0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 1 1\n")
+    (tmp_path / "bad.txt").write_text("1 2 3\n")
+    assert "--starts is -3" in refused("sweep", "a.xyz", "a.xyz", "--starts", "-3", "--out", "out")
+    assert "--out is required" in refused("sweep", "a.xyz", "a.xyz")
+    assert "absent.ply" in refused("sweep", "a.xyz", "absent.ply", "--out", "out")
+    assert "bad.txt" in refused("sweep", "a.xyz", "a.xyz", "--truth", "bad.txt", "--out", "out")
+    assert "bad.txt" in refused("register", "a.xyz", "a.xyz", "--init", "bad.txt", "--out", "out")
+    assert "this cloud has no grid" in refused(
+        "sweep", "a.xyz", "a.xyz", "--control-points", "vertices", "--out", "out"
+    )
+
+
+def test_report_of_no_run(refused: Callable[..., str], tmp_path: Path) -> None:
+    assert "holds no finished run" in refused("report", str(tmp_path))
+
+
+def test_data_list_says_what_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("JAXMODEL_DATA", str(tmp_path))
+    assert execute(["data", "list", "--json"]) == 0
+    line = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert line["found"] == {"stanford_bunny": False} and line["root"] == str(tmp_path)
+    (tmp_path / "stanford_bunny" / "data").mkdir(parents=True)
+    (tmp_path / "stanford_bunny" / "data" / "bun.conf").write_text("")
+    assert execute(["data", "list", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out.splitlines()[-1])["found"] == {"stanford_bunny": True}
+
+
+def test_unexpected_failure_is_code_one_without_traceback(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from jaxmodel.run import cli
+
+    def fail(*_: object) -> None:
+        raise ZeroDivisionError("by zero")
+
+    monkeypatch.setattr(cli, "_run", fail)
+    assert execute(["data", "list"]) == 1
+    assert capsys.readouterr().err == "jaxmodel: ZeroDivisionError: by zero (JAXMODEL_DEBUG=1 shows where).\n"
+
+
+def test_interrupt_is_code_130_with_the_way_on(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from jaxmodel.run import cli
+
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt("finished chunks are kept, go on with --resume out")
+
+    monkeypatch.setattr(cli, "_run", stop)
+    assert execute(["data", "list"]) == 130
+    assert "go on with --resume out" in capsys.readouterr().err
