@@ -23,7 +23,7 @@ def largest_eigenvector(
         shifted = shifted / jnp.maximum(jnp.trace(shifted), tiny)
         shifted = jnp.matmul(shifted, shifted, precision=jax.lax.Precision.HIGHEST)
     trace = jnp.maximum(jnp.trace(shifted), tiny)
-    purity = jnp.sum(shifted * shifted) / (trace * trace)
+    purity = jnp.sum(shifted * shifted) / jnp.maximum(trace * trace, tiny)  # 0 for the zero matrix
     row = shifted[jnp.argmax(jnp.diagonal(shifted))]
     # projector = v vT: any row is a multiple of v, the one with the largest diagonal is the best conditioned
     return row / jnp.maximum(jnp.sqrt(jnp.sum(row * row)), tiny), purity

@@ -12,15 +12,15 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, UInt
 from scipy.spatial import cKDTree
 
 from jaxmodel.geometry.voxel_grid import cube_around
 
-
 # The squared distance that stands for "no such neighbour". Finite on purpose: the kernels let the compiler reorder
-# sums, and sentinels must survive that whatever it assumes of infinities.
-FAR = np.float32(1e30)
+# sums, and sentinels must survive that whatever it assumes of infinities. A power of two: ``candidate_stack`` clears
+# the lowest bits of squared distances, and "below FAR" must mean "a neighbour" before and after.
+FAR = np.float32(2.0**100)
 
 
 class Neighbours(eqx.Module):
@@ -68,11 +68,11 @@ def build_table(
         nearest = np.asarray(nearest).reshape(len(keys), found)
         index[first : first + len(keys), :found] = nearest
         index[first : first + len(keys), found:] = nearest[:, -1:]
-    return VoxelTable(index, grid.origin.astype(np.float32), np.float32(1.0 / grid.cell).reshape(()), cells)
+    return VoxelTable(index, grid.origin.astype(np.float32), np.asarray(1.0 / grid.cell, np.float32), cells)
 
 
-def cell_keys(table: VoxelTable, queries: Float[jax.Array, "3 n"]) -> Int[jax.Array, " n"]:
-    """Flat cell of each query, clamped into the table. Unsigned, so that no wrap-around of negative indices is emitted."""
+def cell_keys(table: VoxelTable, queries: Float[jax.Array, "3 n"]) -> UInt[jax.Array, " n"]:
+    """Flat cell of each query, clamped into the table; unsigned, so that no wrap-around of negatives is emitted."""
     cells = table.cells_per_edge
     scaled = (queries - jnp.asarray(table.origin)[:, None]) * table.inverse_cell
     i, j, k = jnp.clip(scaled, 0.0, cells - 1.0).astype(jnp.uint32)

@@ -98,7 +98,7 @@ def _skew_basis() -> np.ndarray:
 
 
 def _quaternion_matrices(sign: float) -> np.ndarray:
-    """``M[a]`` such that ``sum_a v_a M[a]`` is Q(v) (sign +1) or W(v) (sign -1) of Walker et al., (x, y, z, w) order."""
+    """``M[a]`` such that ``sum_a v_a M[a]`` is Q(v) (sign +1) or W(v) (sign -1) of Walker et al., order x, y, z, w."""
     M = np.zeros((3, 4, 4))
     M[:, :3, :3] = sign * _skew_basis()
     for a in range(3):
@@ -117,7 +117,9 @@ def _fit_dual_quaternion(moments: Moments) -> tuple[jax.Array, jax.Array]:
     # Walker et al. with half coordinates x = source / 2, y = target / 2, divided by the total weight
     C1 = -0.5 * jnp.einsum("ab,bji,ajk->ik", moments.covariance, Q, W)
     C3 = jnp.einsum("a,aij->ij", offset, W)
-    A = 0.5 * (C3.T @ C3 * 0.5 - C1 - C1.T)
+    # A = (C3^T C3 / 2 - C1 - C1^T) / 2, but C3^T C3 = |offset|^2 I moves all eigenvalues alike, and would drown the
+    # rest in its rounding where the sets are far apart
+    A = -0.5 * (C1 + C1.T)
     r, _ = largest_eigenvector(A)
     s = -0.5 * (C3 @ r)  # dual part of the unit dual quaternion
     vector, scalar = r[:3], r[3]

@@ -15,7 +15,19 @@ from jaxtyping import Float
 
 def exp(tangent: Float[jax.Array, "*batch 6"]) -> Float[jax.Array, "*batch 4 4"]:
     """Exponential map of SE(3); the tangent is (translation, rotation vector)."""
-    return _keep_precision(jaxlie.SE3.exp(tangent).as_matrix(), tangent)
+    shift, turn = tangent[..., :3], tangent[..., 3:]
+    # jaxlie's own translation is off by half the angle below 1e-5 rad (float32: 3e-3), and so is its derivative at 0
+    s = jnp.sum(turn * turn, axis=-1, keepdims=True)
+    small = s < 0.1
+    angle = jnp.sqrt(jnp.where(small, 1.0, s))
+    once = jnp.cross(turn, shift)
+    a = jnp.where(small, 1 / 2 - s / 24 + s**2 / 720 - s**3 / 40320 + s**4 / 3628800, (1 - jnp.cos(angle)) / angle**2)
+    b = jnp.where(
+        small, 1 / 6 - s / 120 + s**2 / 5040 - s**3 / 362880 + s**4 / 39916800, (angle - jnp.sin(angle)) / angle**3
+    )
+    translation = shift + a * once + b * jnp.cross(turn, once)
+    pose = jaxlie.SE3.from_rotation_and_translation(jaxlie.SO3.exp(turn), translation)
+    return _keep_precision(pose.as_matrix(), tangent)
 
 
 def log(T: Float[jax.Array, "*batch 4 4"]) -> Float[jax.Array, "*batch 6"]:

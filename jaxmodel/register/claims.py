@@ -67,16 +67,20 @@ def translation_effect(without: Bool[np.ndarray, " c"], with_offset: Bool[np.nda
     """
     if len(without) == 0:
         raise InputError("the translation claim needs at least one start")
-    only_without = int(np.sum(without & ~with_offset))
-    only_with = int(np.sum(with_offset & ~without))
-    changed = only_without + only_with
+    counts = [(without & with_offset), (without & ~with_offset), (with_offset & ~without), ~(without | with_offset)]
+    return paired_effect(*(int(np.sum(count)) for count in counts))
+
+
+def paired_effect(both: int, only_without: int, only_with: int, neither: int) -> TranslationEffect:
+    """As ``translation_effect``, from counts already made, for instance summed over several sweeps."""
+    changed, total = only_without + only_with, both + only_without + only_with + neither
     return TranslationEffect(
-        both=int(np.sum(without & with_offset)),
+        both=both,
         only_without=only_without,
         only_with=only_with,
-        neither=int(np.sum(~without & ~with_offset)),
-        rate_without=float(np.mean(without)),
-        rate_with=float(np.mean(with_offset)),
+        neither=neither,
+        rate_without=(both + only_without) / total,
+        rate_with=(both + only_with) / total,
         p_value=float(binomtest(only_with, changed).pvalue) if changed else 1.0,
     )
 

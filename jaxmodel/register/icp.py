@@ -8,6 +8,7 @@ Coordinates are centred (``problem.py``), float32, structure of arrays. A pose i
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from jaxmodel.geometry.nearest import gather
@@ -27,8 +28,8 @@ FEWEST_PAIRS = 4
 class Pose(eqx.Module):
     """``p_target = rotation p_source + translation`` in centred coordinates."""
 
-    rotation: Float[jax.Array, "3 3"]
-    translation: Float[jax.Array, "3"]
+    rotation: Float[np.ndarray | jax.Array, "*batch 3 3"]
+    translation: Float[np.ndarray | jax.Array, "*batch 3"]
 
     def move(self, points: Float[jax.Array, "3 n"]) -> Float[jax.Array, "3 n"]:
         return jnp.matmul(self.rotation, points, precision=jax.lax.Precision.HIGHEST) + self.translation[:, None]

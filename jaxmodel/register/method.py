@@ -10,7 +10,7 @@ from typing import Literal
 import equinox as eqx
 
 
-def _require(value: object, name: str, least: float) -> None:
+def _require(value: object, name: str, least: float | int) -> None:
     # traced leaves pass through here as arrays or abstract values: only plain numbers can be judged
     if isinstance(value, (int, float)) and not value >= least:
         raise ValueError(f"{name} must be at least {least:g}, not {value}")
@@ -64,7 +64,7 @@ class IcpMethod(eqx.Module):
     centroid by less than ``translation_tolerance`` sizes. ``max_distance``: pairs further apart are never kept, in
     sizes of the target; None for no limit. ``border_filter``: drop pairs whose target point lies on a border.
     ``clusters``: clusters along the longest edge of the two clouds' joint box. ``cells``: edge of the voxel table of
-    the strategies that are not exact; ``exact_cells`` and ``candidates``: of those that are.
+    the strategies that are not exact; ``exact_cells`` and ``candidates``: of those that are; equal ``cells`` share one table.
     """
 
     strategies: tuple[Strategy, ...] = (Strategy(),)

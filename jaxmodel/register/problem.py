@@ -81,6 +81,9 @@ def prepare(target: Views, source: Views, method: IcpMethod) -> tuple[Problem, F
     def columns(points: np.ndarray, length: int) -> np.ndarray:
         return np.ascontiguousarray(pad_rows(points.astype(np.float32), length).T)
 
+    exact = build_table(centred, method.exact_cells, method.candidates) if method.needs_exact_table else None
+    shared = exact is not None and method.cells == method.exact_cells  # one table then serves both
+    fast = exact if shared else build_table(centred, method.cells, 1) if method.needs_fast_table else None
     problem = Problem(
         source=columns(_in_spatial_order(source_points - frames.source_centre), source_length),
         mask=np.arange(source_length) < len(source_points),
@@ -92,8 +95,8 @@ def prepare(target: Views, source: Views, method: IcpMethod) -> tuple[Problem, F
         box=box.astype(np.float32),
         resolution=np.asarray(resolution(centred), np.float32),
         size=np.asarray(size, np.float32),
-        fast_table=build_table(centred, method.cells, 1) if method.needs_fast_table else None,
-        exact_table=build_table(centred, method.exact_cells, method.candidates) if method.needs_exact_table else None,
+        fast_table=fast,
+        exact_table=exact,
     )
     return problem, frames
 

@@ -117,7 +117,7 @@ def _experiment(raw: dict[str, Any], where: str, out: Path, resumed: bool, json:
 
 def _show(summary: dict[str, Any], out: Path, line: str) -> None:
     console.write_table(f"Convergence of {summary['method']}", CASE_COLUMNS, [case_line(c) for c in summary["cases"]])
-    claims = claim_lines(summary["cases"])
+    claims = claim_lines(summary)
     if claims:
         console.write_table("Two claims of thesis §2.9.2", CLAIM_COLUMNS, claims)
     if any(row["ours"] for row in summary["published"]):

@@ -22,7 +22,7 @@ from jaxmodel.register.method import IcpMethod
 from jaxmodel.run.cases import Case, make_cases
 from jaxmodel.run.config import Claims, EulerStarts, Execution, FileStarts, Right, Scans, Starts
 from jaxmodel.run.console import Progress
-from jaxmodel.run.convergence_table import case_rows, chunk_rows, finish_case
+from jaxmodel.run.convergence_table import case_rows, chunk_rows, finish_case, pooled_translation
 from jaxmodel.run.pairs import load_pairs
 from jaxmodel.run.pictures import redraw
 from jaxmodel.run.provenance import hash_files
@@ -84,6 +84,7 @@ class Convergence(Prepared):
             "experiment": "convergence",
             "method": self.method_name,
             "cases": summaries,
+            "translation_claim": pooled_translation(summaries),
             "published": published_rows(summaries),
         }
         progress.describe("pictures")
@@ -152,7 +153,8 @@ class Convergence(Prepared):
 
     def _offset_choice(self, case: Case) -> Int[np.ndarray, " c"]:
         count = min(self.config.claims.starts, len(case.starts)) if case.pair.T_target_source is not None else 0
-        return np.unique(np.linspace(0, len(case.starts) - 1, count).round().astype(np.int64))
+        draw = np.random.default_rng([self.config.seed, len(case.starts), count])
+        return np.sort(draw.permutation(len(case.starts))[:count])
 
 
 def prepare(config: Config) -> Convergence:

@@ -62,7 +62,8 @@ def finish_case(
     ``chosen`` and ``offset`` are the starts run again with a random translation, and what came of them.
     """
     sweep = as_sweep(rows)
-    plateau, labels = basin.plateau(sweep), basin.labels(sweep)
+    plateau = basin.plateau(sweep, case.source_centroid, case.size)
+    labels = basin.labels(sweep.T_target_source, sweep.error, case.source_centroid, case.size)
     table = rows.with_columns(
         polars.lit(case.pair.name).alias("pair"),
         polars.lit(case.control_points).alias("control_points"),
@@ -161,3 +162,12 @@ def _claims(
         moved = basin.right(errors, tolerance_deg, tolerance)
         result["translation"] = claims.translation_effect(is_right[chosen], moved)._asdict()
     return result
+
+
+def pooled_translation(cases: list[dict[str, Any]]) -> dict[str, Any] | None:
+    """The test of the translation claim over all cases together, ``None`` where it was not made."""
+    known = [case["claims"]["translation"] for case in cases if (case.get("claims") or {}).get("translation")]
+    if not known:
+        return None
+    counts = [sum(effect[name] for effect in known) for name in ("both", "only_without", "only_with", "neither")]
+    return claims.paired_effect(*counts)._asdict()

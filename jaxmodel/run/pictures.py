@@ -49,7 +49,7 @@ def redraw(folder: RunDir, summary: Mapping[str, Any]) -> list[str]:
             0, Table("Published and ours", COLUMNS, published_lines(summary["published"], manifest["command"]))
         )
     if any(case.get("claims") for case in summary["cases"]):
-        tables.append(Table("Two claims of thesis §2.9.2", CLAIM_COLUMNS, claim_lines(summary["cases"])))
+        tables.append(Table("Two claims of thesis §2.9.2", CLAIM_COLUMNS, claim_lines(summary)))
     page = render_report(f"Convergence of {summary['method']}", _facts(summary, manifest), tables, views, note)
     folder.write("report.html", page.encode())
     return written
@@ -80,14 +80,16 @@ def case_line(case: Mapping[str, Any]) -> tuple[str, ...]:
     )
 
 
-def claim_lines(cases: list[Mapping[str, Any]]) -> list[tuple[str, ...]]:
-    """The two claims put to the test, a row for each sweep with a truth, under ``CLAIM_COLUMNS``."""
+def claim_lines(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """The two claims put to the test, a row for each sweep with a truth and one for all, under ``CLAIM_COLUMNS``."""
     lines = []
-    for case in cases:
+    for case in summary["cases"]:
         if not case.get("claims"):
             continue
         moved, together = case["claims"]["translation"], case["claims"]["coherence"]
         lines.append((case["pair"], case["control_points"], _translation(moved), _coherence(together)))
+    if len(lines) > 1:
+        lines.append(("all together", "", _translation(summary.get("translation_claim")), ""))
     return lines
 
 

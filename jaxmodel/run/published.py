@@ -66,4 +66,5 @@ def _percent(rate: float) -> str:
 def _counted(pooled: Mapping[str, Any]) -> str:
     if not pooled["total"]:
         return "none"
-    return f"{_percent(pooled['rate'])} ({pooled['count']} of {pooled['total']}, {pooled['pairs']} pairs)"
+    pairs = f"{pooled['pairs']} pair{'' if pooled['pairs'] == 1 else 's'}"
+    return f"{_percent(pooled['rate'])} ({pooled['count']} of {pooled['total']}, {pairs})"

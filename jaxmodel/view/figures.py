@@ -100,6 +100,7 @@ def iterations(title: str, curves: list[IterationCurve]) -> bytes:
         axes.set_xlabel("iteration")
         axes.set_ylabel("error (unit of the data)", color=FIRST)
         axes.set_ylim(bottom=0)
+        axes.ticklabel_format(axis="y", scilimits=(-2, 3))
         other = axes.twinx()
         other.plot(step, curve.shared_rate, color=SECOND)
         other.set_ylabel("sharing rate of clusters", color=SECOND)
@@ -122,6 +123,7 @@ def _sorted_panel(axes: Any, curve: SweepCurve) -> Int[np.ndarray, " s"]:
     axes.plot(rank[~good], error[~good], ".", color=REST, ms=3, label="not converged")
     axes.plot(rank[good], error[good], ".", color=GOOD, ms=4, label="converged")
     axes.set(xlabel="start, sorted by error", ylabel="ICP error (unit of the data)")
+    axes.ticklabel_format(axis="y", scilimits=(-2, 3))
     axes.set_ylim(bottom=0)
     axes.legend(loc="lower right")
     return order

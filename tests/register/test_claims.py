@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from jaxmodel.errors import InputError
-from jaxmodel.register.claims import coherence, offset_starts, translation_effect
+from jaxmodel.register.claims import coherence, offset_starts, paired_effect, translation_effect
 
 
 def even_rotations(count: int) -> np.ndarray:
@@ -90,3 +90,11 @@ def test_translation_effect_counts_and_tests() -> None:
     assert (worse.rate_without, worse.rate_with) == (0.3, 0.0)
     with pytest.raises(InputError):
         translation_effect(np.zeros(0, dtype=bool), np.zeros(0, dtype=bool))
+
+
+def test_counts_and_outcomes_give_the_same_test() -> None:
+    draw = np.random.default_rng(5)
+    without, with_offset = draw.random(200) < 0.3, draw.random(200) < 0.2
+    found = translation_effect(without, with_offset)
+    assert found == paired_effect(found.both, found.only_without, found.only_with, found.neither)
+    assert found.rate_without == pytest.approx(without.mean()) and found.rate_with == pytest.approx(with_offset.mean())
