@@ -93,7 +93,11 @@ def run_chunk(kernel: Kernel, items: Item, engine: Engine) -> Result:
 
 
 def run_chunks(
-    kernel: Kernel, items: Item, engine: Engine, order: Int[np.ndarray, " n"] | None = None, skip: frozenset[int] = frozenset()
+    kernel: Kernel,
+    items: Item,
+    engine: Engine,
+    order: Int[np.ndarray, " n"] | None = None,
+    skip: frozenset[int] = frozenset(),
 ) -> Iterator[tuple[int, Int[np.ndarray, " c"], Result]]:
     """Chunk by chunk: its number, the items in it, their results. ``skip`` names the chunks already done."""
     total = jax.tree.leaves(items)[0].shape[0]
@@ -168,15 +172,16 @@ def _cores(devices: int) -> Any:
     sharded = jax.shard_map(
         one_core, mesh=_mesh(devices), in_specs=(whole, split, split), out_specs=split, check_vma=False
     )
-    return _jit(sharded)
+    return jit_kernel(sharded)
 
 
 @lru_cache
 def _lanes() -> Any:
-    return _jit(_run_lanes, static_argnums=(3, 4))
+    return jit_kernel(_run_lanes, static_argnums=(3, 4))
 
 
-def _jit(function: Any, **options: Any) -> Any:
+def jit_kernel(function: Any, **options: Any) -> Any:
+    """``jax.jit`` with the options all kernels are compiled with, so that the same steps give the same bits."""
     on_cpu = jax.default_backend() == "cpu"
     return jax.jit(function, compiler_options=CPU_OPTIONS if on_cpu else None, **options)
 
@@ -222,5 +227,5 @@ def _run_lanes(kernel: Kernel, items: Item, count: jax.Array, lanes: int, steps_
 
 
 def vmap_baseline(kernel: Kernel, items: Item) -> Result:
-    """The plain alternative, ``vmap`` of a ``while_loop``: every item waits for the slowest. For benchmarks and tests."""
-    return _jit(partial(jax.vmap, in_axes=(None, 0))(_one_item))(kernel, items)
+    """The plain alternative for benchmarks and tests: ``vmap`` of a ``while_loop``, where all wait for the slowest."""
+    return jit_kernel(partial(jax.vmap, in_axes=(None, 0))(_one_item))(kernel, items)

@@ -24,9 +24,7 @@ def pad_rows(values: Shaped[np.ndarray, "n *rest"], length: int) -> Shaped[np.nd
     return padded
 
 
-def mean(
-    values: Float[jax.Array, "*batch n"], mask: Bool[jax.Array, "*batch n"]
-) -> Float[jax.Array, "*batch"]:
+def mean(values: Float[jax.Array, "*batch n"], mask: Bool[jax.Array, "*batch n"]) -> Float[jax.Array, "*batch"]:
     """Mean over the last axis of the entries whose mask is set; 0 where none is."""
     count = jnp.sum(mask, axis=-1)
     return jnp.sum(jnp.where(mask, values, 0.0), axis=-1) / jnp.maximum(count, 1)
@@ -47,8 +45,6 @@ def quantile(
     return jnp.where(count > 0, value, jnp.nan)
 
 
-def median(
-    values: Float[jax.Array, "*batch n"], mask: Bool[jax.Array, "*batch n"]
-) -> Float[jax.Array, "*batch"]:
+def median(values: Float[jax.Array, "*batch n"], mask: Bool[jax.Array, "*batch n"]) -> Float[jax.Array, "*batch"]:
     """Median over the last axis of the masked entries; NaN where none is set."""
     return quantile(values, mask, 0.5)

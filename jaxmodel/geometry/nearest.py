@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt
 from scipy.spatial import cKDTree
 
+from jaxmodel.geometry.arrays import AnyArray
 from jaxmodel.geometry.voxel_grid import cube_around
 
 # The squared distance that stands for "no such neighbour". Finite on purpose: the kernels let the compiler reorder
@@ -33,9 +34,10 @@ class Neighbours(eqx.Module):
 class VoxelTable(eqx.Module):
     """``index[cell, rank]`` with flat row-major cells; int16 up to 32 767 points, int32 beyond."""
 
-    index: Int[np.ndarray | jax.Array, "cells candidates"]
-    origin: Float[np.ndarray | jax.Array, "3"]
-    inverse_cell: Float[np.ndarray | jax.Array, ""]
+    index: Int[AnyArray, "cells candidates"]
+    origin: Float[AnyArray, "3"]
+    inverse_cell: Float[AnyArray, ""]
+    distinct: UInt[AnyArray, ""]  # columns that hold different points: all, but for tiny clouds
     cells_per_edge: int = eqx.field(static=True)
 
     @property
@@ -68,7 +70,8 @@ def build_table(
         nearest = np.asarray(nearest).reshape(len(keys), found)
         index[first : first + len(keys), :found] = nearest
         index[first : first + len(keys), found:] = nearest[:, -1:]
-    return VoxelTable(index, grid.origin.astype(np.float32), np.asarray(1.0 / grid.cell, np.float32), cells)
+    inverse_cell = np.asarray(1.0 / grid.cell, np.float32)
+    return VoxelTable(index, grid.origin.astype(np.float32), inverse_cell, np.asarray(found, np.uint32), cells)
 
 
 def cell_keys(table: VoxelTable, queries: Float[jax.Array, "3 n"]) -> UInt[jax.Array, " n"]:
@@ -123,10 +126,10 @@ def candidate_stack(
         point = [gather(points[axis], index) for axis in range(3)]
         squared = sum((point[axis] - queries[axis]) ** 2 for axis in range(3))
         # with fewer points than candidates the last index is repeated
-        refused = (column > 0) & (index == gather(flat, first + jnp.maximum(column, 1) - 1))
+        squared = jnp.where(column < table.distinct, squared, FAR)
         if accept is not None:
-            refused |= ~accept(point)
-        bits = jax.lax.bitcast_convert_type(jnp.where(refused, FAR, squared), jnp.int32)
+            squared = jnp.where(accept(point), squared, FAR)
+        bits = jax.lax.bitcast_convert_type(squared, jnp.int32)
         return (bits & ~low_bits) | column.astype(jnp.int32)
 
     keys = jax.lax.map(column_keys, jnp.arange(table.candidates, dtype=jnp.uint32))
@@ -156,4 +159,3 @@ def nearest_brute(
     return Neighbours(
         index.transpose(1, 0, 2).reshape(k, -1)[:, :count], squared.transpose(1, 0, 2).reshape(k, -1)[:, :count]
     )
-

@@ -50,7 +50,9 @@ class Plateau(eqx.Module):
 
 
 def truth_errors(
-    T_target_source: Float[np.ndarray, "s 4 4"], T_true: Float[np.ndarray, "4 4"], source_centroid: Float[np.ndarray, "3"]
+    T_target_source: Float[np.ndarray, "s 4 4"],
+    T_true: Float[np.ndarray, "4 4"],
+    source_centroid: Float[np.ndarray, "3"],
 ) -> TruthErrors:
     """Errors of many poses against the true one; infinite for a pose that is not finite."""
     finite = np.isfinite(T_target_source).all(axis=(1, 2))
@@ -156,5 +158,7 @@ def plateau(sweep: Sweep, source_centroid: Float[np.ndarray, "3"], size: float) 
     if members.sum() < FEWEST:
         return Plateau(False, nobody, level, gap, f"no plateau: only {share}")
     if gap < GAP:
-        return Plateau(False, nobody, level, gap, f"no plateau: the next basin's error is only {gap:.2f} times the lowest")
+        return Plateau(
+            False, nobody, level, gap, f"no plateau: the next basin's error is only {gap:.2f} times the lowest"
+        )
     return Plateau(True, members, level, gap, f"{share}; the next basin's error is {gap:.2f} times theirs")

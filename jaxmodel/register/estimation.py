@@ -1,4 +1,4 @@
-"""The motion that best superposes the kept pairs of one iteration, without LAPACK (thesis §2.6; Chen & Medioni 1991)."""
+"""The motion that best superposes one iteration's kept pairs, without LAPACK (thesis §2.6; Chen & Medioni 1991)."""
 
 import equinox as eqx
 import jax

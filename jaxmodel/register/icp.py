@@ -8,9 +8,9 @@ Coordinates are centred (``problem.py``), float32, structure of arrays. A pose i
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from jaxmodel.geometry.arrays import AnyArray
 from jaxmodel.geometry.nearest import gather
 from jaxmodel.geometry.rigid_fit import Moments
 from jaxmodel.lanes import Kernel
@@ -28,8 +28,8 @@ FEWEST_PAIRS = 4
 class Pose(eqx.Module):
     """``p_target = rotation p_source + translation`` in centred coordinates."""
 
-    rotation: Float[np.ndarray | jax.Array, "*batch 3 3"]
-    translation: Float[np.ndarray | jax.Array, "*batch 3"]
+    rotation: Float[AnyArray, "*batch 3 3"]
+    translation: Float[AnyArray, "*batch 3"]
 
     def move(self, points: Float[jax.Array, "3 n"]) -> Float[jax.Array, "3 n"]:
         return jnp.matmul(self.rotation, points, precision=jax.lax.Precision.HIGHEST) + self.translation[:, None]
@@ -93,9 +93,7 @@ class Icp(Kernel):
         return state.outcome != RUNNING
 
     def step(self, state: IcpState) -> IcpState:
-        branches = [
-            lambda s, n=number: self._step_with(n, s) for number in range(len(self.method.strategies))
-        ]
+        branches = [lambda s, n=number: self._step_with(n, s) for number in range(len(self.method.strategies))]
         return branches[0](state) if len(branches) == 1 else jax.lax.switch(state.strategy, branches, state)
 
     def finish(self, state: IcpState) -> IcpResult:
@@ -119,21 +117,28 @@ class Icp(Kernel):
         """The kept pairs at the state's pose under one strategy, and the new limit of Zhang's filter."""
         problem, method = self.problem, self.method
         furthest = jnp.float32(jnp.inf) if method.max_distance is None else method.max_distance * problem.size
-        pairs = find_pairs(
-            strategy,
-            problem.fast_table,
-            problem.exact_table,
-            problem.target,
-            state.pose.move(problem.source),
-            problem.mask,
-            state.clusters,
-            furthest,
-        )
+        filtered = method.zhang is not None and strategy.statistical_filter
+
+        def search() -> Pairs:
+            return find_pairs(
+                strategy,
+                problem.fast_table,
+                problem.exact_table,
+                problem.target,
+                state.pose.move(problem.source),
+                problem.mask,
+                state.clusters,
+                furthest,
+            )
+
+        # The filter reads the pairs twice. The result of a branch is stored, where plain array code would be folded
+        # into both readers and every closest point looked up again; the other branch never runs.
+        pairs = jax.lax.cond(state.steps >= 0, search, lambda: _no_pairs(problem)) if filtered else search()
         kept = pairs.kept
         if method.border_filter:
             kept &= ~gather(problem.border, pairs.index)
         limit = state.limit
-        if method.zhang is not None and strategy.statistical_filter:
+        if method.zhang is not None and filtered:
             limit = zhang_limit(pairs.distance, kept, method.zhang.scale * problem.resolution, state.limit)
             kept &= (pairs.distance < state.limit) & (pairs.distance <= limit)
         return Pairs(pairs.index, pairs.point, pairs.distance, kept), limit
@@ -234,3 +239,7 @@ class Icp(Kernel):
         error = jnp.where(weight > 0, total / jnp.maximum(weight, 1.0), jnp.inf)
         return Pose(fit.rotation, fit.translation), error, weight, fit.determined
 
+
+def _no_pairs(problem: Problem) -> Pairs:
+    nothing = jnp.zeros(problem.source.shape[1], jnp.float32)
+    return Pairs(nothing.astype(jnp.int32), (nothing, nothing, nothing), nothing, nothing > 0)

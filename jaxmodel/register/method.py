@@ -64,7 +64,8 @@ class IcpMethod(eqx.Module):
     centroid by less than ``translation_tolerance`` sizes. ``max_distance``: pairs further apart are never kept, in
     sizes of the target; None for no limit. ``border_filter``: drop pairs whose target point lies on a border.
     ``clusters``: clusters along the longest edge of the two clouds' joint box. ``cells``: edge of the voxel table of
-    the strategies that are not exact; ``exact_cells`` and ``candidates``: of those that are; equal ``cells`` share one table.
+    the strategies that are not exact; ``exact_cells`` and ``candidates``: of those that are; if the two edges are
+    equal, one table serves all.
     """
 
     strategies: tuple[Strategy, ...] = (Strategy(),)
@@ -104,4 +105,3 @@ class IcpMethod(eqx.Module):
     @property
     def needs_fast_table(self) -> bool:
         return any(not (strategy.exact or strategy.stack > 1) for strategy in self.strategies)
-

@@ -64,7 +64,7 @@ def find_pairs(
             best, index_best = stack.squared_distance[0], stack.index[0]
     else:
         assert fast is not None
-        index_best = jax.lax.optimization_barrier(nearest_one(fast, moved))
+        index_best = nearest_one(fast, moved)
         best = None
     x, y, z = (gather(target[axis], index_best) for axis in range(3))
     if best is None:
@@ -103,8 +103,10 @@ def _unique(
         settled = ~jnp.any(pops)
 
         def later_equals() -> jax.Array:
-            first = jnp.full(targets, count, jnp.int32).at[claimed].min(
-                jnp.where(wins, columns, count), mode="promise_in_bounds"
+            first = (
+                jnp.full(targets, count, jnp.int32)
+                .at[claimed]
+                .min(jnp.where(wins, columns, count), mode="promise_in_bounds")
             )
             return wins & (gather(first, claimed) != columns)
 

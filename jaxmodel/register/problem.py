@@ -3,10 +3,10 @@
 from typing import cast
 
 import equinox as eqx
-import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
+from jaxmodel.geometry.arrays import AnyArray
 from jaxmodel.geometry.masked import pad_rows, size_class
 from jaxmodel.geometry.nearest import VoxelTable, build_table
 from jaxmodel.register.method import IcpMethod
@@ -21,16 +21,16 @@ class Problem(eqx.Module):
     ``size`` is the diagonal of the target's box, ``resolution`` its median spacing, ``box`` its low and high corner.
     """
 
-    source: Float[np.ndarray | jax.Array, "3 n"]
-    mask: Bool[np.ndarray | jax.Array, " n"]
-    count: Float[np.ndarray | jax.Array, ""]
-    target: Float[np.ndarray | jax.Array, "3 m"]
-    target_mask: Bool[np.ndarray | jax.Array, " m"]
-    normals: Float[np.ndarray | jax.Array, "3 m"] | None
-    border: Bool[np.ndarray | jax.Array, " m"]
-    box: Float[np.ndarray | jax.Array, "2 3"]
-    resolution: Float[np.ndarray | jax.Array, ""]
-    size: Float[np.ndarray | jax.Array, ""]
+    source: Float[AnyArray, "3 n"]
+    mask: Bool[AnyArray, " n"]
+    count: Float[AnyArray, ""]
+    target: Float[AnyArray, "3 m"]
+    target_mask: Bool[AnyArray, " m"]
+    normals: Float[AnyArray, "3 m"] | None
+    border: Bool[AnyArray, " m"]
+    box: Float[AnyArray, "2 3"]
+    resolution: Float[AnyArray, ""]
+    size: Float[AnyArray, ""]
     fast_table: VoxelTable | None
     exact_table: VoxelTable | None
 

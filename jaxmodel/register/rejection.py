@@ -19,9 +19,9 @@ def zhang_limit(
     distances' histogram after its main peak. D is ``scale``. Without a pair the previous limit stays.
     """
     kept = kept & (distance < previous)
-    count, total, squares = sum_over_points([kept.astype(distance.dtype), *(
-        jnp.where(kept, value, 0.0) for value in (distance, distance * distance)
-    )])
+    count, total, squares = sum_over_points(
+        [kept.astype(distance.dtype), *(jnp.where(kept, value, 0.0) for value in (distance, distance * distance))]
+    )
     safe = jnp.maximum(count, 1.0)
     mean = total / safe
     sigma = jnp.sqrt(jnp.maximum(squares / safe - mean * mean, 0.0))
@@ -55,4 +55,6 @@ def histogram_valley(distance: Float[jax.Array, " n"], kept: Bool[jax.Array, " n
 def sum_over_points(terms: list[Float[jax.Array, " n"]]) -> tuple[Float[jax.Array, ""], ...]:
     """All sums in one pass over the points: what makes the terms is computed once per point, not once per sum."""
     zeros = tuple(jnp.zeros((), term.dtype) for term in terms)
-    return tuple(jax.lax.reduce(tuple(terms), zeros, lambda a, b: tuple(x + y for x, y in zip(a, b, strict=True)), (0,)))
+    return tuple(
+        jax.lax.reduce(tuple(terms), zeros, lambda a, b: tuple(x + y for x, y in zip(a, b, strict=True)), (0,))
+    )

@@ -1,7 +1,7 @@
 """Many starts of one registration through the lane engine, and single registrations as sweeps of one."""
 
 from collections.abc import Iterator
-from functools import partial
+from functools import lru_cache
 from typing import Any
 
 import equinox as eqx
@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 
 from jaxmodel.errors import InputError
 from jaxmodel.geometry.se3 import is_rigid, quaternion_to_rotation, rotation_to_quaternion
-from jaxmodel.lanes import Engine, run_chunks
+from jaxmodel.lanes import Engine, jit_kernel, run_chunks
 from jaxmodel.register.icp import Icp, IcpResult, Pose
 from jaxmodel.register.method import IcpMethod
 from jaxmodel.register.methods import resolve
@@ -80,8 +80,8 @@ def sweep(
     """Register ``source`` to ``target`` from every start.
 
     ``target`` and ``source`` are ``(n, 3)`` arrays, clouds or range images in one unit; ``starts`` are ``(s, 4, 4)``
-    poses T_target_source; ``method`` is the name of a file in configs/methods or an ``IcpMethod``. ``lanes`` chooses the
-    lane executor with that many lanes; by default each CPU core works through its own starts. All points given are
+    poses T_target_source; ``method`` is the name of a file in configs/methods or an ``IcpMethod``. ``lanes`` chooses
+    the lane executor with that many lanes; by default each CPU core works through its own starts. All points given are
     used: choose control points first (``jaxmodel.control_points.select``). Raises ``InputError`` for input that cannot
     be registered.
     """
@@ -156,7 +156,7 @@ def register_trace(
     start = check_starts((np.eye(4) if init is None else np.asarray(init, np.float64))[None])
     problem, frames = prepare(target, source, method)
     R, t = frames.to_centred(start)
-    final, rows = _traced(Icp(problem, method), Pose(R[0], t[0]), int(method.max_iterations))
+    final, rows = _traced()(Icp(problem, method), Pose(R[0], t[0]), int(method.max_iterations))
     taken = int(final.steps)
     history = jax.tree.map(lambda a: np.asarray(a)[:taken], rows)
     registration = _collected(jax.tree.map(lambda a: np.asarray(a)[None], final), frames).registration(0)
@@ -166,8 +166,12 @@ def register_trace(
     )
 
 
-@partial(jax.jit, static_argnums=2)
-def _traced(kernel: Icp, start: Pose, length: int) -> tuple[IcpResult, dict]:
+@lru_cache
+def _traced() -> Any:
+    return jit_kernel(_run_traced, static_argnums=2)
+
+
+def _run_traced(kernel: Icp, start: Pose, length: int) -> tuple[IcpResult, dict]:
     def body(state, _):
         following = jax.tree.map(lambda new, old: jnp.where(kernel.done(state), old, new), kernel.step(state), state)
         row = {
@@ -199,9 +203,10 @@ def _orthonormal(R: Float[np.ndarray, "s 3 3"]) -> Float[np.ndarray, "s 3 3"]:
 
 
 def _collected(result: IcpResult, frames: Frames) -> Sweep:
-    finite = np.isfinite(result.pose.rotation).all(axis=(1, 2)) & np.isfinite(result.pose.translation).all(axis=1)
-    R = np.where(finite[:, None, None], result.pose.rotation, np.eye(3))
-    poses = frames.from_centred(_orthonormal(R), np.asarray(result.pose.translation))
+    R, t = np.asarray(result.pose.rotation), np.asarray(result.pose.translation)
+    finite = np.all(np.isfinite(R), axis=(1, 2)) & np.all(np.isfinite(t), axis=1)
+    R = np.where(finite[:, None, None], R, np.eye(3))
+    poses = frames.from_centred(_orthonormal(R), t)
     return Sweep(
         T_target_source=np.where(finite[:, None, None], poses, np.nan),
         error=np.asarray(result.error, np.float64),

@@ -27,8 +27,10 @@ def run(command: arguments.Run, changes: list[tuple[str, str]], line: str) -> No
 
 def sweep(command: arguments.Sweep, line: str) -> None:
     """``jaxmodel sweep``: the convergence experiment on one pair of files."""
-    if command.starts < 1:
-        raise InputError(f"--starts is {command.starts}, expected at least 1")
+    from jaxmodel.run.config import MOST_STARTS
+
+    if not 1 <= command.starts <= MOST_STARTS:
+        raise InputError(f"--starts is {command.starts}, expected 1 to {MOST_STARTS}")
     starts: dict[str, Any] = {"kind": "even", "count": command.starts}
     if command.grid == "euler":
         starts = {"kind": "euler", "steps": math.ceil(round(command.starts ** (1 / 3), 9)), "count": command.starts}

@@ -7,6 +7,8 @@ from jaxmodel.scan.noise import Laser, Noise
 from jaxmodel.scan.sensor import Sensor
 
 Family = Literal["structured", "free_form", "unknown"]
+MOST_STARTS = 10_000_000
+"""Their poses alone fill 1.3 GB; more than that is taken for a slip of the hand."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,8 @@ class EulerStarts:
     count: int | None = None
 
     def __post_init__(self) -> None:
-        _require(self.steps >= 1, f"steps is {self.steps}, expected at least 1")
+        largest = round(MOST_STARTS ** (1 / 3))
+        _require(1 <= self.steps <= largest, f"steps is {self.steps}, expected 1 to {largest}")
         most = self.steps**3
         _require(self.count is None or 1 <= self.count <= most, f"count is {self.count}, expected 1 to steps³ = {most}")
 
@@ -82,7 +85,7 @@ class EvenStarts:
     count: int = 1000
 
     def __post_init__(self) -> None:
-        _require(self.count >= 1, f"count is {self.count}, expected at least 1")
+        _require(1 <= self.count <= MOST_STARTS, f"count is {self.count}, expected 1 to {MOST_STARTS}")
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,7 @@ def _local_frames(points: np.ndarray, neighbours: int) -> tuple[np.ndarray, np.n
     """Normals (n, 3), two tangents (n, 2, 3) and the offsets (n, k, 3) to the nearest neighbours."""
     count = min(neighbours + 1, len(points))
     _, index = KDTree(points).query(points, k=count)
+    index = np.asarray(index)
     offsets = points[index[:, 1:]] - points[:, None, :]
     centred = points[index] - points[index].mean(axis=1, keepdims=True)
     _, vectors = np.linalg.eigh(np.einsum("nka,nkb->nab", centred, centred))

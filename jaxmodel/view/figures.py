@@ -50,15 +50,15 @@ def error_beside_truth(title: str, curves: list[SweepCurve]) -> bytes:
     figure, panels = _panels(max(len(known), 1), 2)
     for (left, right), curve in zip(panels, known, strict=False):
         order = _sorted_panel(left, curve)
-        left.set_title(f"{title}, {curve.label}")
+        left.set_title(f"{title}, {curve.label}: {int(curve.good.sum())} of {len(curve.good)} converge")
         assert curve.rotation_error_deg is not None
         true_error, good = curve.rotation_error_deg[order], curve.good[order]
         rank = np.arange(1, len(order) + 1)
         right.plot(rank[~good], true_error[~good], ".", color=REST, ms=3, label="not converged")
         right.plot(rank[good], true_error[good], ".", color=GOOD, ms=3, label="converged")
         right.set(xlabel="start, in the order of the ICP error", ylabel="true rotation error (degree)", ylim=(0, 185))
-        right.set_title("error against the truth")
-        right.legend(loc="lower right")
+        right.set_title("the same order, error against the truth")
+        right.set_yticks(range(0, 181, 30))
     return _png(figure)
 
 
@@ -96,17 +96,20 @@ def iterations(title: str, curves: list[IterationCurve]) -> bytes:
     figure, panels = _panels(1, len(curves))
     for axes, curve in zip(panels[0], curves, strict=True):
         step = np.arange(1, len(curve.error) + 1)
-        axes.plot(step, curve.error, color=FIRST)
+        scale, unit = _scaled(curve.error)
+        axes.plot(step, curve.error * scale, color=FIRST)
         axes.set_xlabel("iteration")
-        axes.set_ylabel("error (unit of the data)", color=FIRST)
+        axes.set_ylabel(f"error ({unit})", color=FIRST)
         axes.set_ylim(bottom=0)
-        axes.ticklabel_format(axis="y", scilimits=(-2, 3))
         other = axes.twinx()
         other.plot(step, curve.shared_rate, color=SECOND)
         other.set_ylabel("sharing rate of clusters", color=SECOND)
         other.set_ylim(0, 1)
         for change in switches(curve.strategy):
             axes.axvline(change, color="black", linestyle="--", linewidth=0.8)
+            name = f" strategy {curve.strategy[change - 1]}"
+            place = {"transform": axes.get_xaxis_transform(), "rotation": 90, "fontsize": 7}
+            axes.text(change, 0.99, name, ha="right", va="top", **place)
         axes.set_title(f"{title}, {curve.label}")
     return _png(figure)
 
@@ -119,14 +122,21 @@ def switches(strategy: Int[np.ndarray, " n"]) -> list[int]:
 def _sorted_panel(axes: Any, curve: SweepCurve) -> Int[np.ndarray, " s"]:
     order = np.argsort(np.where(np.isfinite(curve.error), curve.error, np.inf), kind="stable")
     error, good, rank = curve.error[order], curve.good[order], np.arange(1, len(order) + 1)
-    axes.plot(rank, error, color=REST, linewidth=1)
-    axes.plot(rank[~good], error[~good], ".", color=REST, ms=3, label="not converged")
-    axes.plot(rank[good], error[good], ".", color=GOOD, ms=4, label="converged")
-    axes.set(xlabel="start, sorted by error", ylabel="ICP error (unit of the data)")
-    axes.ticklabel_format(axis="y", scilimits=(-2, 3))
+    scale, unit = _scaled(error)
+    axes.plot(rank, error * scale, color=REST, linewidth=1)
+    axes.plot(rank[~good], error[~good] * scale, ".", color=REST, ms=3, label="not converged")
+    axes.plot(rank[good], error[good] * scale, ".", color=GOOD, ms=4, label="converged")
+    axes.set(xlabel="start, sorted by error", ylabel=f"ICP error ({unit})")
     axes.set_ylim(bottom=0)
     axes.legend(loc="lower right")
     return order
+
+
+def _scaled(error: Float[np.ndarray, " n"]) -> tuple[float, str]:
+    """A factor that brings the errors to plain numbers, and the axis's unit: no exponent hides in a corner."""
+    most = float(np.max(error, where=np.isfinite(error), initial=0.0))
+    power = 0 if most == 0 or 0.01 <= most < 10_000 else int(3 * np.floor(np.log10(most) / 3))
+    return 10.0**-power, f"$10^{{{power}}}$ unit of the data" if power else "unit of the data"
 
 
 def _panels(rows: int, columns: int) -> tuple[Figure, Any]:

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from jaxmodel.run.cli import execute
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -38,5 +40,22 @@ def jaxmodel(start: Callable[..., subprocess.Popen[str]]) -> Callable[..., tuple
         process = start(*words)
         output, errors = process.communicate(timeout=500)
         return process.returncode, output, errors
+
+    return run
+
+
+@pytest.fixture
+def refused(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
+    """Run a command that must be refused: code 2, one sentence, no traceback, nothing made. Gives the sentence."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words: str) -> str:
+        before = sorted(tmp_path.rglob("*"))
+        assert execute(list(words)) == 2
+        shown = capsys.readouterr()
+        assert shown.err.startswith("jaxmodel: ") and shown.err.count("\n") == 1 and shown.err.endswith(".\n")
+        assert shown.out == ""
+        assert sorted(tmp_path.rglob("*")) == before
+        return shown.err
 
     return run

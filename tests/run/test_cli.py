@@ -63,23 +63,6 @@ def test_a_bare_resume_means_the_out_folder() -> None:
     assert command == parse(["sweep", "a", "b", "--out", "d", "--resume", "d", "--starts", "5"])[0]
 
 
-@pytest.fixture
-def refused(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
-    """Run a command that must be refused: code 2, one sentence, no traceback, nothing made. Gives the sentence."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(*words: str) -> str:
-        before = sorted(tmp_path.rglob("*"))
-        assert execute(list(words)) == 2
-        shown = capsys.readouterr()
-        assert shown.err.startswith("jaxmodel: ") and shown.err.count("\n") == 1 and shown.err.endswith(".\n")
-        assert shown.out == ""
-        assert sorted(tmp_path.rglob("*")) == before
-        return shown.err
-
-    return run
-
-
 @pytest.mark.parametrize(
     ("file", "words"),
     [
