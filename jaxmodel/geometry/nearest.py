@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from jaxmodel.geometry.arrays import AnyArray
 from jaxmodel.geometry.voxel_grid import cube_around
@@ -61,7 +61,7 @@ def build_table(
     if margin is None:
         margin = 0.2 * float(np.ptp(points, axis=0).max())
     grid = cube_around(points, cells, margin)
-    tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
+    tree = KDTree(points, balanced_tree=False, compact_nodes=False)
     found = min(candidates, len(points))
     index = np.empty((cells**3, candidates), np.int16 if len(points) <= np.iinfo(np.int16).max else np.int32)
     for first in range(0, cells**3, 1 << 18):  # slabs, so that the tree's float64 answer stays small

@@ -13,6 +13,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Bool, Float, Int
 
 from jaxmodel.geometry.eigen import largest_eigenvector
@@ -202,7 +203,7 @@ def fit_rigid(source, target, weights=None, method: Method = "svd"):
     is not finite. Inside ``jit`` or ``vmap`` nothing can be raised: such a problem then gives NaN.
     """
     arrays = [source, target] if weights is None else [source, target, weights]
-    if any(isinstance(a, jax.core.Tracer) for a in arrays):
+    if any(isinstance(a, Tracer) for a in arrays):
         return rigid_fit(source, target, weights, method=method).T_target_source
     single = all(getattr(a, "dtype", None) == np.float32 for a in (source, target))
     dtype = np.float32 if single else np.float64

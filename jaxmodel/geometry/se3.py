@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import jaxlie
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 
 def exp(tangent: Float[jax.Array, "*batch 6"]) -> Float[jax.Array, "*batch 4 4"]:
@@ -120,10 +120,14 @@ def quaternion_distance(
 
 def is_rigid(T: Float[np.ndarray, "4 4"], tolerance: float = 1e-4) -> bool:
     """Whether a matrix is a proper rigid motion to within ``tolerance`` (rounded text files pass)."""
-    R = T[:3, :3]
-    return bool(
-        np.all(np.isfinite(T))
-        and np.allclose(T[3], [0, 0, 0, 1], atol=tolerance)
-        and np.allclose(R @ R.T, np.eye(3), atol=tolerance)
-        and np.linalg.det(R) > 0
-    )
+    return bool(are_rigid(T, tolerance))
+
+
+def are_rigid(T: Float[np.ndarray, "*batch 4 4"], tolerance: float = 1e-4) -> Bool[np.ndarray, "*batch"]:
+    """As ``is_rigid``, for each of many."""
+    finite = np.isfinite(T).all(axis=(-2, -1))
+    T = np.where(finite[..., None, None], T, 0.0)
+    R, last = T[..., :3, :3], np.array([0.0, 0.0, 0.0, 1.0])
+    orthonormal = np.isclose(R @ np.swapaxes(R, -1, -2), np.eye(3), atol=tolerance).all(axis=(-2, -1))
+    whole = np.isclose(T[..., 3, :], last, atol=tolerance).all(axis=-1)
+    return np.asarray(finite & whole & orthonormal & (np.linalg.det(R) > 0))

@@ -16,6 +16,8 @@ from jaxmodel.register.sweep import Sweep
 
 SAME_DEG = 5.0
 SAME_OF_SIZE = 0.03
+_SLAB = 4096
+"""Poses handled at once where the intermediate arrays are larger than the poses themselves."""
 
 
 class TruthErrors(eqx.Module):
@@ -55,14 +57,22 @@ def truth_errors(
     source_centroid: Float[np.ndarray, "3"],
 ) -> TruthErrors:
     """Errors of many poses against the true one; infinite for a pose that is not finite."""
-    finite = np.isfinite(T_target_source).all(axis=(1, 2))
+    parts = [
+        _truth_errors(T_target_source[first : first + _SLAB], T_true, source_centroid)
+        for first in range(0, max(len(T_target_source), 1), _SLAB)
+    ]
+    return TruthErrors(*(np.concatenate(errors) for errors in zip(*parts, strict=True)))
+
+
+def _truth_errors(T_target_source: np.ndarray, T_true: np.ndarray, source_centroid: np.ndarray) -> list[np.ndarray]:
+    finite = np.all(np.isfinite(T_target_source), axis=(1, 2))
     T = np.where(finite[:, None, None], T_target_source, np.eye(4))
     relative = np.swapaxes(T[:, :3, :3], 1, 2) @ T_true[:3, :3]
     quaternions = rotation_to_quaternion(T[:, :3, :3])
     truth = np.broadcast_to(rotation_to_quaternion(T_true[:3, :3]), quaternions.shape)
     shift = T[:, :3, :3] @ source_centroid + T[:, :3, 3] - (T_true[:3, :3] @ source_centroid + T_true[:3, 3])
     errors = rotation_angle_deg(relative), quaternion_distance(quaternions, truth), np.linalg.norm(shift, axis=1)
-    return TruthErrors(*(np.where(finite, error, np.inf) for error in errors))
+    return [np.where(finite, error, np.inf) for error in errors]
 
 
 def right(errors: TruthErrors, tolerance_deg: float = SAME_DEG, tolerance: float = np.inf) -> Bool[np.ndarray, " s"]:
@@ -84,11 +94,18 @@ def success(is_right: Bool[np.ndarray, " s"], confidence: float = 0.95) -> Succe
 
 def distinct(starts: Float[np.ndarray, "s 4 4"], tolerance_deg: float = 1e-3) -> int:
     """Number of distinct rotations among the starts (the Euler grid of 1000 triples holds 500)."""
-    q = rotation_to_quaternion(starts[:, :3, :3])
+    q = _quaternions(starts[:, :3, :3])
     tree = KDTree(np.concatenate([q, -q]))
     reach = 2 * np.sin(np.radians(tolerance_deg) / 4)
-    first = np.array([min(index % len(q) for index in found) for found in tree.query_ball_point(q, reach)])
-    return int(np.sum(first == np.arange(len(q))))
+    count = 0
+    for begin in range(0, len(q), _SLAB):
+        found = tree.query_ball_point(q[begin : begin + _SLAB], reach)
+        count += sum(min(index % len(q) for index in near) == begin + row for row, near in enumerate(found))
+    return count
+
+
+def _quaternions(R: Float[np.ndarray, "s 3 3"]) -> Float[np.ndarray, "s 4"]:
+    return np.concatenate([rotation_to_quaternion(R[first : first + _SLAB]) for first in range(0, len(R), _SLAB)])
 
 
 def labels(
@@ -105,19 +122,30 @@ def labels(
     gets -1. The labels depend on the set of results only, not on their order.
     """
     result = np.full(len(error), -1)
-    centroids = np.einsum("sij,j->si", T_target_source[:, :3, :3], source_centroid) + T_target_source[:, :3, 3]
-    open_ = np.isfinite(T_target_source).all(axis=(1, 2))
-    order = np.lexsort((*T_target_source.reshape(len(error), 16).T[:12], error))
+    valid = np.flatnonzero(np.isfinite(T_target_source).all(axis=(1, 2)))
+    if not len(valid):
+        return result
+    R = T_target_source[valid, :3, :3]
+    centroids = R @ source_centroid + T_target_source[valid, :3, 3]
+    # poses near in both senses are near in this space, in every coordinate (|q - q'| = 2 sin(angle / 4))
+    reach = same_of_size * size
+    scale = reach / (2 * np.sin(np.radians(same_deg) / 4))
+    place = np.concatenate([centroids, scale * _quaternions(R)], axis=1)
+    tree = KDTree(place, balanced_tree=False, compact_nodes=False)
+    signs = np.array([[1, 1, 1, 1, 1, 1, 1], [1, 1, 1, -1, -1, -1, -1]])  # q and -q are the same rotation
+    rest = np.ones(len(valid), bool)
     label = 0
-    for start in order:
-        if not open_[start]:
+    columns = [T_target_source[valid, row, column] for row in range(3) for column in range(4)]
+    for start in np.lexsort((*columns, error[valid])):
+        if not rest[start]:
             continue
-        member = open_.copy()
-        member[open_] = np.linalg.norm(centroids[open_] - centroids[start], axis=1) <= same_of_size * size
-        relative = np.swapaxes(T_target_source[member, :3, :3], 1, 2) @ T_target_source[start, :3, :3]
-        member[member] = rotation_angle_deg(relative) <= same_deg
-        result[member] = label
-        open_ &= ~member
+        near = np.unique(np.concatenate(tree.query_ball_point(signs * place[start], 1.001 * reach, p=np.inf)))
+        near = near.astype(np.int64)
+        near = near[rest[near]]
+        near = near[np.linalg.norm(centroids[near] - centroids[start], axis=1) <= reach]
+        near = near[rotation_angle_deg(np.swapaxes(R[near], 1, 2) @ R[start]) <= same_deg]
+        result[valid[near]] = label
+        rest[near] = False
         label += 1
     return result
 

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from jaxmodel.errors import InputError
-from jaxmodel.geometry.se3 import is_rigid, quaternion_to_rotation, rotation_to_quaternion
+from jaxmodel.geometry.se3 import are_rigid, quaternion_to_rotation, rotation_to_quaternion
 from jaxmodel.lanes import Engine, jit_kernel, run_chunks
 from jaxmodel.register.icp import Icp, IcpResult, Pose
 from jaxmodel.register.method import IcpMethod
@@ -192,9 +192,10 @@ def check_starts(starts: Float[np.ndarray, "s 4 4"]) -> Float[np.ndarray, "s 4 4
     poses = np.asarray(starts, np.float64)
     if poses.ndim != 3 or poses.shape[1:] != (4, 4) or len(poses) == 0:
         raise InputError(f"starts must be (s, 4, 4) with s at least 1, not {poses.shape}")
-    for number, pose in enumerate(poses):
-        if not is_rigid(pose):
-            raise InputError(f"start {number} is not a rigid motion (a proper rotation and a finite translation)")
+    rigid = np.concatenate([are_rigid(poses[first : first + 4096]) for first in range(0, len(poses), 4096)])
+    if not rigid.all():
+        number = int(np.argmin(rigid))
+        raise InputError(f"start {number} is not a rigid motion (a proper rotation and a finite translation)")
     return poses
 
 

@@ -29,8 +29,8 @@ def write_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]
     from rich.table import Table
 
     table = Table(title=title, title_justify="left")
-    for column in columns:
-        table.add_column(column, overflow="fold")
+    for number, column in enumerate(columns):
+        table.add_column(column, overflow="fold", no_wrap=number == 0 and all(len(row[0]) <= 24 for row in rows))
     for row in rows:
         table.add_row(*row)
     Console(width=None if sys.stdout.isatty() else 120, markup=False).print(table)

@@ -78,8 +78,8 @@ class Convergence(Prepared):
             table, summary = self._case(number, case, folder, progress)
             tables.append(table)
             summaries.append(summary)
-        table = polars.concat(tables, how="vertical")
-        folder.write_table("results.parquet", table)
+        folder.write_table("results.parquet", polars.concat(tables, how="vertical"))
+        tables.clear()
         summary: dict[str, Any] = {
             "experiment": "convergence",
             "method": self.method_name,
@@ -104,7 +104,9 @@ class Convergence(Prepared):
         """One sweep: the case's starts, and after them those run again with a random translation."""
         begun = time.perf_counter()
         size, chosen = self.config.claims.offset_of_size * case.size, self._offset_choice(case)
-        starts = np.concatenate([case.starts, claims.offset_starts(case.starts, size, self.config.seed, chosen)])
+        starts = case.starts
+        if len(chosen):
+            starts = np.concatenate([starts, claims.offset_starts(starts, size, self.config.seed, chosen)])
         key = f"case{number:03d}"
         parts = folder.read_parts(key)
         kept = sum(len(part) for part in parts.values())
@@ -112,6 +114,7 @@ class Convergence(Prepared):
         if kept < len(starts):
             self._sweep(key, case, starts, parts, folder, progress)
         rows = case_rows(parts, len(starts), folder.path / "parts")
+        parts.clear()
         seconds = time.perf_counter() - begun
         offset = rows[len(case.starts) :] if len(chosen) else None
         table, summary = finish_case(

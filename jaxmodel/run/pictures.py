@@ -75,9 +75,15 @@ def case_line(case: Mapping[str, Any]) -> tuple[str, ...]:
         f"{success['count']} ({100 * success['rate']:.1f} %)" if success else "truth unknown",
         f"{100 * success['low']:.1f} to {100 * success['high']:.1f} %" if success else "",
         f"{best['start']}: error {best['error']:.3g}{verdict}",
-        case["plateau"]["sentence"],
+        _plateau(case["plateau"]),
         f"{case['starts_per_second']:.0f}" if case.get("starts_per_second") else "",
     )
+
+
+def _plateau(plateau: Mapping[str, Any]) -> str:
+    gap = plateau["gap"]
+    following = f", next basin at {gap:.2f} x" if gap is not None and np.isfinite(gap) else ""
+    return f"{plateau['members']} starts{following}" if plateau["found"] else f"none{following}"
 
 
 def claim_lines(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:

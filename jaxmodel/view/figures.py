@@ -75,7 +75,10 @@ def start_sphere(title: str, directions: Float[np.ndarray, "s 3"], curves: list[
     u, v = np.mgrid[0 : 2 * np.pi : 25j, 0 : np.pi : 13j]
     ball = np.stack([np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)])
     chosen = [np.ones(len(directions), dtype=bool), *(curve.good for curve in curves)]
-    names = [f"{title}: all {len(directions)}", *(f"{c.label}: {int(c.good.sum())} converge" for c in curves)]
+    names = [
+        f"{title}: all {len(directions)} initial positions",
+        *(f"{c.label}: {int(c.good.sum())} converge" for c in curves),
+    ]
     for axes, mask, name in zip(panels, chosen, names, strict=True):
         plot: Any = axes
         plot.plot_wireframe(*ball, color="#e4e4e4", linewidth=0.4)
@@ -107,9 +110,9 @@ def iterations(title: str, curves: list[IterationCurve]) -> bytes:
         other.set_ylim(0, 1)
         for change in switches(curve.strategy):
             axes.axvline(change, color="black", linestyle="--", linewidth=0.8)
-            name = f" strategy {curve.strategy[change - 1]}"
+            name = f"strategy {curve.strategy[change - 1]}"
             place = {"transform": axes.get_xaxis_transform(), "rotation": 90, "fontsize": 7}
-            axes.text(change, 0.99, name, ha="right", va="top", **place)
+            axes.text(change, 0.99, name, ha="left", va="top", **place)
         axes.set_title(f"{title}, {curve.label}")
     return _png(figure)
 

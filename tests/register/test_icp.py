@@ -128,7 +128,9 @@ def first_pairs(kernel: Icp, start: Pose, strategy: Strategy):
     return pairs, limit, pairs.kept
 
 
-def kept_pairs(target, source, method: IcpMethod, start: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+def kept_pairs(
+    target: np.ndarray | Cloud, source: np.ndarray, method: IcpMethod, start: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """Target index, distance and kept flag of each source point in the first iteration, and Zhang's limit."""
     problem, frames = prepare(target, source, method)
     R, t = frames.to_centred(start[None])

@@ -127,27 +127,3 @@ def test_report_is_redrawn_from_the_folder_alone(unbroken: Path) -> None:
     assert execute(["report", str(unbroken)]) == 0
     assert {path.name: path.read_bytes() for path in (unbroken / "figures").iterdir()} == before
     assert (unbroken / "report.html").read_bytes() == page and len(page) < 10_000_000
-
-
-def test_sweep_and_register_on_files(jaxmodel: Command, tmp_path: Path) -> None:
-    from jaxmodel.io.datasets import ObjectViews
-    from jaxmodel.scan.sensor import Sensor
-
-    views = ObjectViews("block_curved", (0.0, 20.0), Sensor(width=60, height=60), None, 0)
-    for name, scan in zip("ab", map(views.scan, views.names), strict=True):
-        np.savez(tmp_path / f"{name}.npz", points=scan.points, valid=scan.valid, eye=scan.eye)
-    truth = views.T_target_source(*views.names)
-    np.savetxt(tmp_path / "truth.txt", truth)
-
-    pair = ("a.npz", "b.npz", "--count", "200", "--method", "point_to_point")
-    words = ("sweep", *pair, "--starts", "40", "--truth", "truth.txt", "--out", "sweep")
-    code, output, errors = jaxmodel(*words, "--json")
-    assert code == 0, errors
-    case = json.loads(output.splitlines()[-1])["summary"]["cases"][0]
-    assert case["starts"] == 40 and case["success"]["total"] == 40
-    code, _, errors = jaxmodel("register", *pair, "--init", "truth.txt", "--out", "one")
-    assert code == 0, errors
-    content = json.loads((tmp_path / "one" / "transform.json").read_text())
-    off = np.linalg.inv(truth) @ np.array(content["T_target_source"])
-    assert np.degrees(np.arccos((np.trace(off[:3, :3]) - 1) / 2)) < 5  # 200 points of a 60 x 60 image
-    assert content["confidence"] is None and content["overlap"] > 0.5 and content["sentence"]

@@ -1,0 +1,79 @@
+"""``sweep`` and ``register`` on own files: a scan and the same scan moved, so the answer is known exactly."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import polars
+import pytest
+from scipy.spatial.transform import Rotation
+
+from jaxmodel.io.datasets import ObjectViews
+from jaxmodel.register.basin import truth_errors
+from jaxmodel.run.cli import execute
+from jaxmodel.scan.cloud import as_cloud
+from jaxmodel.scan.sensor import Sensor
+
+pytestmark = pytest.mark.xdist_group("files")
+METHOD = ("--method", "point_to_point", "--count", "5000")  # all points, so both scans hold the same ones
+
+
+@pytest.fixture(scope="module")
+def scans(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with ``a.npz``, ``b.xyz``, the true motion in ``truth.txt`` and one 15 degrees off in ``guess.json``."""
+    folder = tmp_path_factory.mktemp("scans")
+    views = ObjectViews("block_curved", (0.0,), Sensor(width=32, height=32), None, 0)
+    target = as_cloud(views.scan(views.names[0])).points.astype(np.float64)
+    T_target_source = np.eye(4)
+    T_target_source[:3, :3] = Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix()
+    T_target_source[:3, 3] = [0.3, -2.0, 1.0]
+    source = (target - T_target_source[:3, 3]) @ T_target_source[:3, :3]
+    np.savez(folder / "a.npz", points=target)
+    np.savetxt(folder / "b.xyz", source)
+    np.savetxt(folder / "truth.txt", T_target_source)
+    off = np.eye(4)
+    off[:3, :3] = Rotation.from_rotvec(np.radians([9.0, 9.0, -8.0])).as_matrix()
+    centre = target.mean(axis=0)
+    off[:3, 3] = centre - off[:3, :3] @ centre
+    (folder / "guess.json").write_text(json.dumps({"T_target_source": (off @ T_target_source).tolist()}))
+    return folder
+
+
+def command(folder: Path, *words: str) -> list[str]:
+    return [words[0], str(folder / "a.npz"), str(folder / "b.xyz"), *words[1:], *METHOD, "--json"]
+
+
+def answer(capsys: pytest.CaptureFixture[str]) -> dict:
+    return json.loads(capsys.readouterr().out.splitlines()[-1])
+
+
+def test_register_from_a_guess_finds_the_exact_motion(
+    scans: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert execute(command(scans, "register", "--init", str(scans / "guess.json"), "--out", str(out))) == 0
+    content = json.loads((out / "transform.json").read_text())
+    assert answer(capsys) == {"status": "ok", "out": str(out), **content}
+    truth, source = np.loadtxt(scans / "truth.txt"), np.loadtxt(scans / "b.xyz")
+    errors = truth_errors(np.array([content["T_target_source"]]), truth, source.mean(axis=0))
+    assert errors.rotation_deg[0] < 0.1 and errors.translation[0] < 1e-3
+    assert content["overlap"] == 1.0 and content["matched_fraction"] == 1.0
+    assert content["confidence"] is None and content["starts"] == 1 and content["sentence"]
+
+
+def test_sweep_of_files_finds_the_motion_among_its_starts(
+    scans: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    words = ("sweep", "--starts", "60", "--grid", "even", "--truth", str(scans / "truth.txt"), "--out", str(out))
+    assert execute(command(scans, *words)) == 0
+    shown = answer(capsys)
+    (case,) = shown["summary"]["cases"]
+    table = polars.read_parquet(out / "results.parquet")
+    assert shown["status"] == "ok" and len(table) == case["starts"] == case["success"]["total"] == 60
+    assert case["best"]["right"] and case["best"]["rotation_error_deg"] < 0.1
+    # a start 30 degrees or less from the truth may not fail on a scan that lies wholly on the other
+    assert case["success"]["count"] == table["right"].sum() >= 1
+    wrong = table.filter(~polars.col("right"))
+    assert wrong["error"].min() > 5 * case["best"]["error"]
+    assert case["plateau"]["found"] and case["plateau"]["precision"] == 1.0
