@@ -125,7 +125,7 @@ def is_rigid(T: Float[np.ndarray, "4 4"], tolerance: float = 1e-4) -> bool:
 
 def are_rigid(T: Float[np.ndarray, "*batch 4 4"], tolerance: float = 1e-4) -> Bool[np.ndarray, "*batch"]:
     """As ``is_rigid``, for each of many."""
-    finite = np.isfinite(T).all(axis=(-2, -1))
+    finite = np.asarray(np.isfinite(T).all(axis=(-2, -1)))
     T = np.where(finite[..., None, None], T, 0.0)
     R, last = T[..., :3, :3], np.array([0.0, 0.0, 0.0, 1.0])
     orthonormal = np.isclose(R @ np.swapaxes(R, -1, -2), np.eye(3), atol=tolerance).all(axis=(-2, -1))

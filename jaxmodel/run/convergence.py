@@ -75,9 +75,10 @@ class Convergence(Prepared):
         tables, summaries = [], []
         for number, case in enumerate(self.cases):
             progress.describe(f"{case.pair.name}, {case.control_points}")
-            table, summary = self._case(number, case, folder, progress)
-            tables.append(table)
-            summaries.append(summary)
+            finished = self._case(number, case, folder, progress)
+            tables.append(finished[0])
+            summaries.append(finished[1])
+            del finished  # the tables are let go before the pictures are made
         folder.write_table("results.parquet", polars.concat(tables, how="vertical"))
         tables.clear()
         summary: dict[str, Any] = {

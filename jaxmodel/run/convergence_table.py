@@ -1,6 +1,5 @@
 """Rows and summary of a convergence sweep: what each start gave, and what the truth and the plateau say of it."""
 
-from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +42,8 @@ def case_rows(parts: dict[int, polars.DataFrame], starts: int, where: Path) -> p
 def as_sweep(table: polars.DataFrame) -> Sweep:
     """The ``Sweep`` a table of rows was made from, in start order."""
     T = np.tile(np.eye(4), (len(table), 1, 1))
-    T[:, :3, :] = table.select(POSE).to_numpy().reshape(-1, 3, 4)
+    for place, name in enumerate(POSE):
+        T[:, place // 4, place % 4] = table[name].to_numpy()
     return Sweep(T_target_source=T, **{name: table[name].to_numpy() for name in (*_REAL, *_WHOLE)})
 
 
@@ -68,7 +68,9 @@ def finish_case(
         polars.lit(case.pair.name).alias("pair"),
         polars.lit(case.control_points).alias("control_points"),
         polars.lit(method).alias("method"),
-        polars.Series("outcome", [Outcome(code).name.lower() for code in rows["outcome"].to_list()]),
+        polars.col("outcome").replace_strict(
+            {int(code): code.name.lower() for code in Outcome}, return_dtype=polars.String
+        ),
         polars.Series("basin", np.asarray(labels, dtype=np.int32)),
         polars.Series("plateau", np.asarray(plateau.members, dtype=bool)),
     ).select("pair", "control_points", "method", polars.exclude("pair", "control_points", "method"))
@@ -81,7 +83,7 @@ def finish_case(
         "points": {"target": len(case.target.points), "source": len(case.source.points)},
         "starts": len(rows),
         "distinct_starts": basin.distinct(case.starts),
-        "outcomes": dict(sorted(Counter(table["outcome"].to_list()).items())),
+        "outcomes": dict(table["outcome"].value_counts().sort("outcome").iter_rows()),
         "best": {
             "start": int(best.start),
             "error": float(best.error),

@@ -13,11 +13,16 @@ from jaxmodel.run.published import COLUMNS, published_lines
 from jaxmodel.run.scene import read_scene
 
 
+_DRAWN = polars.selectors.by_name(
+    "pair", "control_points", "error", "rotation_error_deg", "right", "plateau", require_all=False
+)
+
+
 def redraw(folder: RunDir, summary: Mapping[str, Any]) -> list[str]:
     """Draw every figure and the report from what the folder holds; the list of figures, relative to it."""
     path = folder.path / "results.parquet"
     try:
-        table = polars.read_parquet(path)
+        table = polars.scan_parquet(path).select(_DRAWN).collect()
     except (OSError, polars.exceptions.PolarsError) as error:
         raise InputError(f"{path}: not readable as a table ({error})") from None
     manifest, scene = folder.read_json("manifest.json"), read_scene(folder.path / "scene.npz")
@@ -122,11 +127,14 @@ def _coherence(found: Mapping[str, Any] | None) -> str:
 
 def _facts(summary: Mapping[str, Any], manifest: Mapping[str, Any]) -> dict[str, str]:
     device, versions = manifest["device"], manifest["versions"]
-    means = next((case["right_means"] for case in summary["cases"] if "right_means" in case), None)
+    means = [case["right_means"] for case in summary["cases"] if "right_means" in case]
     right = "the truth is unknown"
-    if means is not None:
+    if means:
+        within = sorted({f"{mean['translation']:.3g}" for mean in means}, key=float)
+        by_pair = f" to {within[-1]}, by pair" if len(within) > 1 else ""
         right = (
-            f"rotation within {means['rotation_deg']:g} degrees, source's centroid within {means['translation']:.3g}"
+            f"rotation within {means[0]['rotation_deg']:g} degrees, source's centroid within {within[0]}{by_pair} "
+            "(unit of the data)"
         )
     return {
         "command": manifest["command"],

@@ -19,18 +19,19 @@ def transform_of(target: Path, source: Path, case: Mapping[str, Any]) -> dict[st
         ``T_target_source``; ``outcome`` and its ``sentence``; ``error``, the mean distance of the kept pairs in the
         unit of the data; ``matched_fraction``; ``overlap``, the share of the source's points closer than three point
         spacings to the target; ``confidence``, 0 to 1: of the starts that fit about as well (at most twice the
-        error), the share that came to the same place; 0 where no plateau stands out, null after a single start, which
-        cannot tell.
+        error), the share that came to the same place; 0 where no plateau stands out; ``plateau``, the test without
+        the truth. Both are null after a single start, which cannot tell.
     """
-    best = case["best"]
+    best, several = dict(case["best"]), case["starts"] > 1
+    agreement = best.pop("agreement")
     T = np.array(best["T_target_source"], dtype=np.float64)
     clouds = [as_cloud(load_scan(path)).points for path in (target, source)]
     return {
         **best,
         "overlap": overlap(clouds[0], clouds[1], T),
-        "confidence": best["agreement"] if case["starts"] > 1 else None,
+        "confidence": agreement if several else None,
         "starts": case["starts"],
-        "plateau": case["plateau"],
+        "plateau": case["plateau"] if several else None,
     }
 
 

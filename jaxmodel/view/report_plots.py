@@ -9,6 +9,7 @@ from jaxtyping import Float, Int
 from jaxmodel.view.figures import FIRST, GOOD, REST, SECOND, IterationCurve, SweepCurve, switches
 
 _MOST_STARTS = 3000
+_NEAR = {"eye": {"x": 0.9, "y": 0.9, "z": 0.7}}
 _COLORS = (GOOD, SECOND, "#3a923a", "#8e5ea2")
 
 
@@ -68,7 +69,7 @@ def _scans(pair: PairView) -> dict[str, Any]:
 def _sphere(pair: PairView) -> dict[str, Any]:
     kept = _thinned(len(pair.directions))
     places = pair.directions[kept]
-    data = [_marks3d("all starts", places, {"size": 2.5, "color": REST, "symbol": "x"})]
+    data = [_ball(), _marks3d("all starts", places, {"size": 2.5, "color": REST, "symbol": "x"})]
     for radius, (curve, color) in enumerate(zip(pair.curves, cycle(_COLORS), strict=False), start=1):
         good = np.flatnonzero(curve.good[kept])
         marks = _marks3d(f"converge, {curve.label}", (1 + 0.03 * radius) * places[good], {"size": 4.5, "color": color})
@@ -76,7 +77,20 @@ def _sphere(pair: PairView) -> dict[str, Any]:
         data.append({**marks, "text": text, "hoverinfo": "text+name"})
     shown = f"{len(kept)} of {len(pair.directions)}" if len(kept) < len(pair.directions) else f"{len(kept)}"
     layout = _layout(f"Initial positions of the sensor around the object ({shown} starts)")
-    return {"data": data, "layout": {**layout, "scene": {"aspectmode": "cube"}}}
+    hidden = {f"{axis}axis": {"visible": False} for axis in "xyz"}
+    return {"data": data, "layout": {**layout, "scene": {"aspectmode": "cube", "camera": _NEAR, **hidden}}}
+
+
+def _ball() -> dict[str, Any]:
+    """Circles of latitude and longitude of the unit sphere, as one broken line."""
+    along, circles = np.append(np.linspace(0, 2 * np.pi, 49), np.nan), []
+    for turn in np.arange(0, np.pi, np.pi / 8):
+        circles.append(np.stack([np.cos(turn) * np.sin(along), np.sin(turn) * np.sin(along), np.cos(along)], axis=1))
+    for height in np.linspace(-1, 1, 9)[1:-1] * np.pi / 2:
+        flat = np.stack([np.cos(along), np.sin(along)], axis=1) * np.cos(height)
+        circles.append(np.column_stack([flat, np.where(np.isfinite(along), np.sin(height), np.nan)]))
+    wire = _marks3d("unit sphere", np.concatenate(circles), {})
+    return {**wire, "mode": "lines", "line": {"color": "#cccccc", "width": 1}, "hoverinfo": "skip", "showlegend": False}
 
 
 def _sorted(pair: PairView) -> dict[str, Any]:
@@ -122,8 +136,16 @@ def _iterations(pair: PairView) -> dict[str, Any]:
         data.append({**rate, "yaxis": "y2"})
         edge = {"type": "line", "yref": "paper", "y0": 0, "y1": 1, "line": {"color": color, "width": 1, "dash": "dash"}}
         shapes += [{**edge, "x0": change, "x1": change} for change in switches(trace.strategy)]
-    layout = _layout("Error and sharing rate, best start (dashed: strategy changes)", x="iteration", y="error")
-    rate_axis = {"overlaying": "y", "side": "right", "range": [0, 1], "title": {"text": "sharing rate of clusters"}}
+    layout = _layout(
+        "Error and sharing rate, best start (dashed: strategy changes)", x="iteration", y="error (unit of the data)"
+    )
+    rate_axis = {
+        "overlaying": "y",
+        "side": "right",
+        "range": [0, 1],
+        "dtick": 0.2,
+        "title": {"text": "sharing rate of clusters"},
+    }
     return {"data": data, "layout": {**layout, "yaxis2": rate_axis, "shapes": shapes}}
 
 

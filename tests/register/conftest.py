@@ -24,8 +24,8 @@ def bumpy(count: int, phase: float = 0.0) -> np.ndarray:
     z, angle = 1 - 2 * s / count, np.pi * (1 + 5**0.5) * s + phase
     r = np.sqrt(1 - z * z)
     x, y = r * np.cos(angle), r * np.sin(angle)
-    radius = 0.5 * (1 + 0.2 * np.sin(3 * x + 1) * np.cos(2 * y) + 0.15 * np.sin(3 * z + x))
-    return radius[:, None] * np.stack([x, 0.8 * y, 0.65 * z], axis=1)
+    radius = 0.5 * (1 + 0.25 * np.sin(5 * x + 1) * np.cos(4 * y) + 0.2 * np.sin(6 * z + x))
+    return radius[:, None] * np.stack([x, 0.7 * y, 0.5 * z], axis=1)
 
 
 @dataclass(frozen=True)
@@ -58,5 +58,5 @@ def exact_pair() -> Pair:
 def resampled_pair() -> Pair:
     """The source samples the surface elsewhere and lacks a side: partial overlap, no exact correspondence."""
     target = bumpy(250)
-    other = bumpy(330, phase=1.0)
+    other = bumpy(350, phase=1.0)
     return _pair(target[target[:, 0] < 0.35], other[other[:, 0] > -0.25][:250])

@@ -30,7 +30,7 @@ def test_a_noise_free_motion_is_recovered_exactly(exact_pair: Pair, name: str) -
     assert found.outcome == Outcome.CONVERGED
     np.testing.assert_allclose(found.T_target_source, exact_pair.T_target_source, rtol=0, atol=3e-6)
     assert found.error < 1e-6
-    assert found.matched_fraction > 0.95
+    assert found.matched_fraction > 0.85  # Zhang's filter also cuts the tail of mere rounding
     assert found.shared_rate > 0.97
     R = found.T_target_source[:3, :3]
     np.testing.assert_allclose(R @ R.T, np.eye(3), rtol=0, atol=1e-14)
@@ -145,6 +145,7 @@ def test_the_border_filter_drops_pairs_with_border_points_and_no_others(resample
     strategy = (Strategy(statistical_filter=False),)
     free = kept_pairs(target, resampled_pair.source, IcpMethod(strategy), resampled_pair.near)
     filtered = kept_pairs(target, resampled_pair.source, IcpMethod(strategy, border_filter=True), resampled_pair.near)
+    assert len(resampled_pair.source) == 250
     np.testing.assert_array_equal(filtered[0], free[0])
     expected = free[2] & ~np.append(border, np.zeros(256 - len(border), bool))[free[0]]
     np.testing.assert_array_equal(filtered[2], expected)
@@ -184,7 +185,7 @@ def test_too_few_pairs_is_reported_and_the_pose_stays(exact_pair: Pair, name: st
 
 def test_a_start_beyond_float32_is_reported(exact_pair: Pair) -> None:
     found = register(exact_pair.target, exact_pair.source, at_shift(exact_pair, 1e39), "point_to_point")
-    assert found.outcome in (Outcome.NOT_FINITE, Outcome.TOO_FEW_PAIRS)
+    assert found.outcome == Outcome.NOT_FINITE
     assert found.error == np.inf
 
 
@@ -208,7 +209,8 @@ def test_a_stricter_stop_takes_longer(resampled_pair: Pair) -> None:
     slopes = [10.0, 1.0, 0.01]
     methods = [eqx.tree_at(lambda m: m.strategies[0].slope_percent, named("besl_mckay_1992"), s) for s in slopes]
     steps = [register(resampled_pair.target, resampled_pair.source, resampled_pair.near, m).steps for m in methods]
-    assert steps[0] < steps[1] < steps[2]
+    assert steps == sorted(steps)
+    assert steps[0] < steps[2]
 
 
 def test_plain_icp_never_raises_its_squared_error() -> None:
