@@ -24,7 +24,7 @@ import polars
 
 from jaxmodel.errors import InputError
 
-ROW_GROUP = 65_536
+ROW_GROUP = 8192
 """Rows of one parquet row group: fixed, so the same table is the same bytes."""
 
 

@@ -143,7 +143,9 @@ class Convergence(Prepared):
     ) -> None:
         """Run the chunks that ``parts`` does not hold, and keep each as it is done."""
         wanted = self.config.engine
-        engine = Engine(wanted.executor, lanes=wanted.lanes, chunk=wanted.chunk)
+        # memory is taken for a whole chunk; below this size all sweeps share one compiled program
+        chunk = min(wanted.chunk, max(len(starts), Execution.chunk))
+        engine = Engine(wanted.executor, lanes=wanted.lanes, chunk=chunk)
         order = np.arange(len(starts))
         if wanted.order == "shuffled":
             order = np.random.default_rng([self.config.seed, len(starts)]).permutation(len(starts))

@@ -31,7 +31,9 @@ def chunk_rows(indices: Int[np.ndarray, " c"], sweep: Sweep) -> polars.DataFrame
 
 def case_rows(parts: dict[int, polars.DataFrame], starts: int, where: Path) -> polars.DataFrame:
     """All chunks of a sweep in start order. ``RunError`` if they do not hold every start exactly once."""
-    table = polars.concat([parts[number] for number in sorted(parts)], how="vertical").sort("start")
+    table = polars.concat([parts[number] for number in sorted(parts)], how="vertical")
+    if not table["start"].is_sorted():
+        table = table.sort("start")
     if not np.array_equal(table["start"].to_numpy(), np.arange(starts)):
         raise RunError(
             f"{where}: the parts hold other starts than the {starts} asked for; delete the folder, run again"

@@ -12,7 +12,6 @@ from jaxmodel.io.results import RunDir
 from jaxmodel.run.published import COLUMNS, published_lines
 from jaxmodel.run.scene import read_scene
 
-
 _DRAWN = polars.selectors.by_name(
     "pair", "control_points", "error", "rotation_error_deg", "right", "plateau", require_all=False
 )

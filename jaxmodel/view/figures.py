@@ -53,9 +53,9 @@ def error_beside_truth(title: str, curves: list[SweepCurve]) -> bytes:
         left.set_title(f"{title}, {curve.label}: {int(curve.good.sum())} of {len(curve.good)} converge")
         assert curve.rotation_error_deg is not None
         true_error, good = curve.rotation_error_deg[order], curve.good[order]
-        rank = np.arange(1, len(order) + 1)
-        right.plot(rank[~good], true_error[~good], ".", color=REST, ms=3, label="not converged")
-        right.plot(rank[good], true_error[good], ".", color=GOOD, ms=3, label="converged")
+        for marked, color, label in ((~good, REST, "not converged"), (good, GOOD, "converged")):
+            place = _few(np.flatnonzero(marked))
+            right.plot(place + 1, true_error[place], ".", color=color, ms=3, label=label)
         right.set(xlabel="start, in the order of the ICP error", ylabel="true rotation error (degree)", ylim=(0, 185))
         right.set_title("the same order, error against the truth")
         right.set_yticks(range(0, 181, 30))
@@ -124,15 +124,22 @@ def switches(strategy: Int[np.ndarray, " n"]) -> list[int]:
 
 def _sorted_panel(axes: Any, curve: SweepCurve) -> Int[np.ndarray, " s"]:
     order = np.argsort(np.where(np.isfinite(curve.error), curve.error, np.inf), kind="stable")
-    error, good, rank = curve.error[order], curve.good[order], np.arange(1, len(order) + 1)
+    error, good = curve.error[order], curve.good[order]
     scale, unit = _scaled(error)
-    axes.plot(rank, error * scale, color=REST, linewidth=1)
-    axes.plot(rank[~good], error[~good] * scale, ".", color=REST, ms=3, label="not converged")
-    axes.plot(rank[good], error[good] * scale, ".", color=GOOD, ms=4, label="converged")
+    place = _few(np.arange(len(order)))
+    axes.plot(place + 1, error[place] * scale, color=REST, linewidth=1)
+    for marked, color, size, label in ((~good, REST, 3, "not converged"), (good, GOOD, 4, "converged")):
+        place = _few(np.flatnonzero(marked))
+        axes.plot(place + 1, error[place] * scale, ".", color=color, ms=size, label=label)
     axes.set(xlabel="start, sorted by error", ylabel=f"ICP error ({unit})")
     axes.set_ylim(bottom=0)
     axes.legend(loc="lower right")
     return order
+
+
+def _few(places: Int[np.ndarray, " n"]) -> Int[np.ndarray, " m"]:
+    """At most ``_MOST_MARKS`` of them, evenly picked: more cannot be told apart and cost memory."""
+    return places[:: len(places) // _MOST_MARKS + 1]
 
 
 def _scaled(error: Float[np.ndarray, " n"]) -> tuple[float, str]:

@@ -1,10 +1,18 @@
 """A small pair with a known motion, of one size class (256), for every test of the registration."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+
+from jaxmodel.register.method import IcpMethod
+from jaxmodel.register.methods import named
+
+
+def small(name: str) -> IcpMethod:
+    """A published method with tables that are built at once and still fine enough for 250 points."""
+    return replace(named(name), cells=48, exact_cells=24)
 
 
 def pose(rotation_vector: tuple[float, float, float], translation: tuple[float, float, float]) -> np.ndarray:

@@ -12,7 +12,7 @@ from jaxmodel.register.icp import Icp, IcpResult, Pose
 from jaxmodel.register.methods import named, names
 from jaxmodel.register.problem import prepare
 from jaxmodel.scan.cloud import Cloud
-from tests.register.conftest import Pair, moved, pose
+from tests.register.conftest import Pair, moved, pose, small
 
 METHODS = [*names(), "dual_quaternion", "svd"]
 
@@ -38,7 +38,7 @@ def test_a_noise_free_motion_is_recovered_exactly(exact_pair: Pair, name: str) -
 
 @pytest.mark.parametrize("name", names())
 def test_the_exact_answer_is_a_fixed_point_and_stops(exact_pair: Pair, name: str) -> None:
-    method = named(name)
+    method = small(name)
     found = register(exact_pair.target, exact_pair.source, exact_pair.T_target_source, method)
     assert found.outcome == Outcome.CONVERGED
     assert found.steps <= 8 * len(method.strategies)
@@ -47,7 +47,7 @@ def test_the_exact_answer_is_a_fixed_point_and_stops(exact_pair: Pair, name: str
 
 def test_a_cloud_registers_with_itself_at_the_identity(exact_pair: Pair) -> None:
     """Without a start the two scans share a frame already."""
-    found = register(exact_pair.target, exact_pair.target)
+    found = register(exact_pair.target, exact_pair.target, method=small("thesis_2005"))
     np.testing.assert_allclose(found.T_target_source, np.eye(4), rtol=0, atol=2e-6)
     assert found.shared_rate == 1.0
 
@@ -56,10 +56,10 @@ def test_a_cloud_registers_with_itself_at_the_identity(exact_pair: Pair) -> None
 @pytest.mark.parametrize("G", [pose((0.5, 1.5, -0.7), (5.0, 0, -3)), pose((0, 0, np.pi), (-1.0, 2, 0))])
 def test_the_answer_moves_with_the_target_and_the_source(exact_pair: Pair, name: str, G: np.ndarray) -> None:
     """Target moved by G: G T. Source moved by G: T G^-1."""
-    with_target = register(moved(G, exact_pair.target), exact_pair.source, G @ exact_pair.near, name)
+    with_target = register(moved(G, exact_pair.target), exact_pair.source, G @ exact_pair.near, small(name))
     np.testing.assert_allclose(with_target.T_target_source, G @ exact_pair.T_target_source, rtol=0, atol=1e-5)
     inverse = np.linalg.inv(G)
-    with_source = register(exact_pair.target, moved(G, exact_pair.source), exact_pair.near @ inverse, name)
+    with_source = register(exact_pair.target, moved(G, exact_pair.source), exact_pair.near @ inverse, small(name))
     np.testing.assert_allclose(with_source.T_target_source, exact_pair.T_target_source @ inverse, rtol=0, atol=1e-5)
 
 
@@ -69,8 +69,9 @@ def test_the_unit_of_length_does_not_matter(resampled_pair: Pair, name: str, sca
     def scaled(T: np.ndarray) -> np.ndarray:
         return np.block([[T[:3, :3], scale * T[:3, 3:]], [T[3:]]])
 
-    metre = register(resampled_pair.target, resampled_pair.source, resampled_pair.near, name)
-    other = register(scale * resampled_pair.target, scale * resampled_pair.source, scaled(resampled_pair.near), name)
+    method = small(name)
+    metre = register(resampled_pair.target, resampled_pair.source, resampled_pair.near, method)
+    other = register(scale * resampled_pair.target, scale * resampled_pair.source, scaled(resampled_pair.near), method)
     assert other.outcome == metre.outcome
     np.testing.assert_allclose(other.T_target_source[:3, :3], metre.T_target_source[:3, :3], rtol=0, atol=1e-5)
     np.testing.assert_allclose(other.T_target_source[:3, 3] / scale, metre.T_target_source[:3, 3], rtol=0, atol=1e-5)
@@ -80,7 +81,8 @@ def test_the_unit_of_length_does_not_matter(resampled_pair: Pair, name: str, sca
 def test_far_from_the_origin(resampled_pair: Pair) -> None:
     near, far = np.eye(4), pose((0, 0, 0), (2e4, -3e4, 1e4))
     results = [
-        register(moved(G, resampled_pair.target), resampled_pair.source, G @ resampled_pair.near) for G in (near, far)
+        register(moved(G, resampled_pair.target), resampled_pair.source, G @ resampled_pair.near, small("thesis_2005"))
+        for G in (near, far)
     ]
     back = np.linalg.inv(far) @ results[1].T_target_source
     np.testing.assert_allclose(back, results[0].T_target_source, rtol=0, atol=1e-5)
@@ -94,7 +96,7 @@ def run_kernel(kernel: Icp, frames, start: np.ndarray) -> IcpResult:
 @pytest.mark.parametrize("name", ["thesis_2005_text", "chen_medioni_1991"])
 def test_padding_changes_nothing(resampled_pair: Pair, name: str) -> None:
     """Half again as many entries, all padding and full of junk, give the same registration to rounding."""
-    method = named(name)
+    method = small(name)
     problem, frames = prepare(resampled_pair.target, resampled_pair.source, method)
 
     def longer(array: np.ndarray, junk: float) -> np.ndarray:
@@ -142,9 +144,10 @@ def kept_pairs(
 def test_the_border_filter_drops_pairs_with_border_points_and_no_others(resampled_pair: Pair) -> None:
     border = resampled_pair.target[:, 2] > 0.1
     target = Cloud(resampled_pair.target, border=border)
-    strategy = (Strategy(statistical_filter=False),)
-    free = kept_pairs(target, resampled_pair.source, IcpMethod(strategy), resampled_pair.near)
-    filtered = kept_pairs(target, resampled_pair.source, IcpMethod(strategy, border_filter=True), resampled_pair.near)
+    plain = IcpMethod((Strategy(statistical_filter=False),), cells=48)
+    with_filter = IcpMethod(plain.strategies, border_filter=True, cells=48)
+    free = kept_pairs(target, resampled_pair.source, plain, resampled_pair.near)
+    filtered = kept_pairs(target, resampled_pair.source, with_filter, resampled_pair.near)
     assert len(resampled_pair.source) == 250
     np.testing.assert_array_equal(filtered[0], free[0])
     expected = free[2] & ~np.append(border, np.zeros(256 - len(border), bool))[free[0]]
@@ -153,8 +156,8 @@ def test_the_border_filter_drops_pairs_with_border_points_and_no_others(resample
 
 
 def test_zhangs_filter_keeps_the_pairs_below_its_limit(resampled_pair: Pair) -> None:
-    method = IcpMethod(zhang=named("thesis_2005").zhang)
-    plain = kept_pairs(resampled_pair.target, resampled_pair.source, IcpMethod(), resampled_pair.near)
+    method = IcpMethod(zhang=small("thesis_2005").zhang, cells=48)
+    plain = kept_pairs(resampled_pair.target, resampled_pair.source, IcpMethod(cells=48), resampled_pair.near)
     filtered = kept_pairs(resampled_pair.target, resampled_pair.source, method, resampled_pair.near)
     limit = filtered[3]
     np.testing.assert_array_equal(filtered[2], plain[2] & (plain[1] <= limit))
@@ -173,7 +176,7 @@ def at_shift(pair: Pair, shift: float) -> np.ndarray:
 @pytest.mark.parametrize("name", ["thesis_2005", "point_to_point", "chen_medioni_1991"])
 def test_too_few_pairs_is_reported_and_the_pose_stays(exact_pair: Pair, name: str) -> None:
     start = at_shift(exact_pair, 50.0)
-    found = register(exact_pair.target, exact_pair.source, start, name)
+    found = register(exact_pair.target, exact_pair.source, start, small(name))
     assert found.outcome == Outcome.TOO_FEW_PAIRS
     assert found.outcome.sentence == "fewer than four pairs were left after rejection"
     assert found.steps == 1
@@ -184,7 +187,7 @@ def test_too_few_pairs_is_reported_and_the_pose_stays(exact_pair: Pair, name: st
 
 
 def test_a_start_beyond_float32_is_reported(exact_pair: Pair) -> None:
-    found = register(exact_pair.target, exact_pair.source, at_shift(exact_pair, 1e39), "point_to_point")
+    found = register(exact_pair.target, exact_pair.source, at_shift(exact_pair, 1e39), small("point_to_point"))
     assert found.outcome == Outcome.NOT_FINITE
     assert found.error == np.inf
 
@@ -192,7 +195,7 @@ def test_a_start_beyond_float32_is_reported(exact_pair: Pair) -> None:
 @pytest.mark.parametrize("name", ["point_to_point", "besl_mckay_1992", "chen_medioni_1991"])
 def test_points_on_a_line_are_degenerate(name: str) -> None:
     line = np.linspace(-1, 1, 200)[:, None] ** 3 * np.array([0.6, 0.0, 0.8]) + [0, 3.0, 0]
-    found = register(line, line, pose((0, 0.02, 0), (0, 0.01, 0)), name)
+    found = register(line, line, pose((0, 0.02, 0), (0, 0.01, 0)), small(name))
     assert found.outcome == Outcome.DEGENERATE
     assert found.outcome.sentence == "the kept pairs do not determine the motion"
     assert np.isfinite(found.T_target_source).all()
@@ -200,14 +203,14 @@ def test_points_on_a_line_are_degenerate(name: str) -> None:
 
 @pytest.mark.parametrize("limit", [1, 2])
 def test_the_iteration_limit_is_reported(resampled_pair: Pair, limit: int) -> None:
-    method = eqx.tree_at(lambda m: m.max_iterations, named("besl_mckay_1992"), limit)
+    method = eqx.tree_at(lambda m: m.max_iterations, small("besl_mckay_1992"), limit)
     found = register(resampled_pair.target, resampled_pair.source, resampled_pair.near, method)
     assert (found.outcome, found.steps) == (Outcome.MAX_ITERATIONS, limit)
 
 
 def test_a_stricter_stop_takes_longer(resampled_pair: Pair) -> None:
     slopes = [10.0, 1.0, 0.01]
-    methods = [eqx.tree_at(lambda m: m.strategies[0].slope_percent, named("besl_mckay_1992"), s) for s in slopes]
+    methods = [eqx.tree_at(lambda m: m.strategies[0].slope_percent, small("besl_mckay_1992"), s) for s in slopes]
     steps = [register(resampled_pair.target, resampled_pair.source, resampled_pair.near, m).steps for m in methods]
     assert steps == sorted(steps)
     assert steps[0] < steps[2]
@@ -231,8 +234,8 @@ def test_plain_icp_never_raises_its_squared_error() -> None:
 @pytest.mark.parametrize("name", ["thesis_2005", "besl_mckay_1992"])
 def test_the_trace_ends_where_the_registration_ends(resampled_pair: Pair, name: str) -> None:
     target, source, start = resampled_pair.target, resampled_pair.source, resampled_pair.near
-    plain = register(target, source, start, name)
-    traced, trace = register_trace(target, source, start, name)
+    plain = register(target, source, start, small(name))
+    traced, trace = register_trace(target, source, start, small(name))
     assert isinstance(traced, Registration)
     assert traced.outcome == plain.outcome
     np.testing.assert_allclose(traced.T_target_source, plain.T_target_source, rtol=0, atol=1e-5)
@@ -248,7 +251,8 @@ def test_the_trace_ends_where_the_registration_ends(resampled_pair: Pair, name: 
 
 
 def test_switches_and_increases_are_those_of_the_trace(resampled_pair: Pair) -> None:
-    traced, trace = register_trace(resampled_pair.target, resampled_pair.source, resampled_pair.near, "thesis_2005")
+    method = small("thesis_2005")
+    traced, trace = register_trace(resampled_pair.target, resampled_pair.source, resampled_pair.near, method)
     assert traced.outcome == Outcome.CONVERGED
     assert trace.strategy.tolist() == sorted(trace.strategy) and set(trace.strategy) == {0, 1, 2}
     for number, switch in ((1, traced.switch_1), (2, traced.switch_2)):
@@ -260,7 +264,7 @@ def test_switches_and_increases_are_those_of_the_trace(resampled_pair: Pair) -> 
 
 def test_the_shared_rate_is_that_of_the_clusters(resampled_pair: Pair) -> None:
     """Clusters with points of both clouds over clusters with points of either, in the joint box at the end."""
-    method = named("thesis_2005")
+    method = small("thesis_2005")
     found = register(resampled_pair.target, resampled_pair.source, resampled_pair.near, method)
     target, source = resampled_pair.target, moved(found.T_target_source, resampled_pair.source)
     low = np.minimum(target.min(axis=0), source.min(axis=0))

@@ -12,15 +12,15 @@ from jaxmodel.errors import InputError
 from jaxmodel.geometry.se3 import rotation_angle_deg
 from jaxmodel.lanes import Engine
 from jaxmodel.register import IcpMethod, Outcome, Strategy, Sweep, register, sweep, sweep_chunks
-from jaxmodel.register.methods import named
 from jaxmodel.register.starts import even_starts
-from tests.register.conftest import Pair, moved
+from tests.register.conftest import Pair, moved, small
 
+THESIS = small("thesis_2005")
 FIELDS = list(Sweep.__dataclass_fields__)
 
 
 def limited(name: str, iterations: int) -> IcpMethod:
-    return eqx.tree_at(lambda m: m.max_iterations, named(name), iterations)
+    return eqx.tree_at(lambda m: m.max_iterations, small(name), iterations)
 
 
 def assert_same(a: Sweep, b: Sweep) -> None:
@@ -43,7 +43,7 @@ def starts(resampled_pair: Pair) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def whole(resampled_pair: Pair, starts: np.ndarray) -> Sweep:
-    return sweep(resampled_pair.target, resampled_pair.source, starts, "thesis_2005", chunk=40)
+    return sweep(resampled_pair.target, resampled_pair.source, starts, THESIS, chunk=40)
 
 
 def test_results_are_in_start_order_and_complete(resampled_pair: Pair, starts: np.ndarray, whole: Sweep) -> None:
@@ -69,28 +69,28 @@ def test_order_and_chunks_do_not_change_a_bit(
 ) -> None:
     order = np.random.default_rng(1).permutation(40)
     chunks = sweep_chunks(
-        resampled_pair.target, resampled_pair.source, starts, "thesis_2005", chunk=chunk, order=order
+        resampled_pair.target, resampled_pair.source, starts, THESIS, chunk=chunk, order=order
     )
     assert_same(gathered(chunks, 40), whole)
 
 
 def test_a_start_alone_gives_the_same_to_the_last_bit(resampled_pair: Pair, starts: np.ndarray, whole: Sweep) -> None:
     for number in (0, 17, 39):
-        alone = register(resampled_pair.target, resampled_pair.source, starts[number], "thesis_2005")
+        alone = register(resampled_pair.target, resampled_pair.source, starts[number], THESIS)
         np.testing.assert_array_equal(alone.T_target_source, whole.T_target_source[number])
         ours = [getattr(alone, field) for field in FIELDS[1:]]
         assert ours == [getattr(whole, field)[number] for field in FIELDS[1:]]
 
 
 def test_the_same_starts_twice_give_the_same_rows(resampled_pair: Pair, starts: np.ndarray, whole: Sweep) -> None:
-    twice = sweep(resampled_pair.target, resampled_pair.source, np.tile(starts, (2, 1, 1)), "thesis_2005", chunk=40)
+    twice = sweep(resampled_pair.target, resampled_pair.source, np.tile(starts, (2, 1, 1)), THESIS, chunk=40)
     assert_same(jax.tree.map(lambda a: a[:40], twice), whole)
     assert_same(jax.tree.map(lambda a: a[40:], twice), whole)
 
 
 def test_chunks_already_done_are_skipped(resampled_pair: Pair, starts: np.ndarray, whole: Sweep) -> None:
     chunks = sweep_chunks(
-        resampled_pair.target, resampled_pair.source, starts, "thesis_2005", chunk=16, skip=frozenset({0, 2})
+        resampled_pair.target, resampled_pair.source, starts, THESIS, chunk=16, skip=frozenset({0, 2})
     )
     ((number, members, part),) = list(chunks)
     assert number == 1
@@ -141,7 +141,7 @@ def test_executors_agree_on_the_thesis_method(exact_pair: Pair) -> None:
 
 @pytest.mark.parametrize("fit", ["svd", "dual_quaternion"])
 def test_the_other_fits_end_in_the_same_place(resampled_pair: Pair, starts: np.ndarray, fit: str) -> None:
-    pair, plain = resampled_pair, IcpMethod((Strategy(slope_percent=0.1),), max_iterations=25)
+    pair, plain = resampled_pair, IcpMethod((Strategy(slope_percent=0.1),), max_iterations=25, cells=48)
     other = dataclasses.replace(plain, fit=fit)
     a, b = (sweep(pair.target, pair.source, starts[:16], m, chunk=16) for m in (plain, other))
     difference = np.abs(a.T_target_source - b.T_target_source).max(axis=(1, 2))
@@ -195,7 +195,7 @@ def test_one_trace_a_kernel_over_a_whole_sweep(
 
 def test_a_sweep_finds_the_motion_without_a_guess(exact_pair: Pair) -> None:
     pair = exact_pair
-    found = sweep(pair.target, pair.source, even_starts(pair.target, pair.source, 120), chunk=128)
+    found = sweep(pair.target, pair.source, even_starts(pair.target, pair.source, 120), THESIS, chunk=40)
     best = found.best
     off = moved(best.T_target_source, pair.source) - moved(pair.T_target_source, pair.source)
     assert np.linalg.norm(off, axis=1).max() < 1e-5

@@ -33,18 +33,6 @@ def start(tmp_path: Path) -> Callable[..., subprocess.Popen[str]]:
 
 
 @pytest.fixture
-def jaxmodel(start: Callable[..., subprocess.Popen[str]]) -> Callable[..., tuple[int, str, str]]:
-    """Run ``jaxmodel WORDS...`` to its end: exit code, standard output, standard error."""
-
-    def run(*words: str) -> tuple[int, str, str]:
-        process = start(*words)
-        output, errors = process.communicate(timeout=500)
-        return process.returncode, output, errors
-
-    return run
-
-
-@pytest.fixture
 def refused(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
     """Run a command that must be refused: code 2, one sentence, no traceback, nothing made. Gives the sentence."""
     monkeypatch.chdir(tmp_path)

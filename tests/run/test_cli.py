@@ -14,7 +14,6 @@ from jaxmodel.run.arguments import Run, parse, split_overrides
 from jaxmodel.run.cli import execute
 
 BAD = Path(__file__).resolve().parents[1] / "bad_configs"
-Command = Callable[..., tuple[int, str, str]]
 HEAVY = ("jax", "open3d", "polars", "matplotlib", "plotly", "scipy", "numpy", "trimesh", "yaml", "cattrs", "pooch")
 
 

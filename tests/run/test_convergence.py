@@ -1,6 +1,8 @@
 """The convergence experiment end to end, small: same bytes however it is cut, ordered, killed and resumed."""
 
 import json
+import os
+import signal
 import subprocess
 import time
 from collections.abc import Callable
@@ -10,6 +12,7 @@ import numpy as np
 import polars
 import pytest
 
+from jaxmodel.run.cli import execute
 from jaxmodel.run.convergence_table import POSE
 
 pytestmark = pytest.mark.xdist_group("convergence")
@@ -19,13 +22,10 @@ SMALL = (
     "--starts.count", "60", "--claims.starts", "10", "--claims.permutations", "19",
     "--method", "{cells: 32, clusters: 10, max_iterations: 30}",
 )  # fmt: skip
-Command = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture(scope="module")
 def unbroken(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    from jaxmodel.run.cli import execute
-
     out = tmp_path_factory.mktemp("run") / "out"
     assert execute(["run", "quickstart", *SMALL, "--engine.chunk", "20", "--out", str(out), "--json"]) == 0
     return out
@@ -79,12 +79,12 @@ def test_manifest_says_where_it_came_from(unbroken: Path) -> None:
 
 
 def test_other_chunks_and_a_shuffled_order_are_the_same_bytes(
-    unbroken: Path, jaxmodel: Command, tmp_path: Path
+    unbroken: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ("run", "quickstart", *SMALL, "--engine.chunk", "7", "--engine.order", "shuffled", "--out", "out")
-    code, output, errors = jaxmodel(*words, "--json")
-    assert code == 0, errors
-    assert errors == ""
+    words = ("run", "quickstart", *SMALL, "--engine.chunk", "7", "--engine.order", "shuffled")
+    code = execute([*words, "--out", str(tmp_path / "out"), "--json"])
+    output, errors = capsys.readouterr()
+    assert code == 0 and errors == ""
     assert (tmp_path / "out" / "results.parquet").read_bytes() == (unbroken / "results.parquet").read_bytes()
     last = json.loads(output.splitlines()[-1])
     assert last["status"] == "ok" and last["summary"]["cases"][0]["starts"] == 60
@@ -93,32 +93,28 @@ def test_other_chunks_and_a_shuffled_order_are_the_same_bytes(
 
 
 def test_killed_and_resumed_is_the_same_bytes(
-    unbroken: Path, jaxmodel: Command, start: Callable[..., subprocess.Popen[str]], tmp_path: Path
+    unbroken: Path, start: Callable[..., subprocess.Popen[str]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ("run", "quickstart", *SMALL, "--engine.chunk", "20")
+    out, parts = str(tmp_path / "out"), tmp_path / "out" / "parts"
     running = start(*words, "--out", "out")
-    parts = tmp_path / "out" / "parts"
     while running.poll() is None and len(list(parts.glob("case000-*.parquet"))) < 2:
         time.sleep(0.002)
+    os.kill(running.pid, signal.SIGSTOP)  # alive and holding its folder, in the middle of its work
     assert running.poll() is None, running.communicate()
-    code, _, errors = jaxmodel(*words, "--resume", "out")
-    still_running = running.poll() is None
+    assert execute([*words, "--resume", out]) == 2
+    assert "another process is running in this folder" in capsys.readouterr().err
     running.kill()
     running.communicate()
-    if still_running:
-        assert code == 2 and "another process is running in this folder" in errors
-        assert not (tmp_path / "out" / "summary.json").exists() and list(parts.glob("*.parquet"))
-    code, _, errors = jaxmodel(*words, "--seed", "5", "--resume", "out")
-    assert code == 2 and "seed was 0 and is 5 now" in errors
-    code, _, errors = jaxmodel(*words, "--resume", "out")
-    assert code == 0, errors
+    assert not (tmp_path / "out" / "summary.json").exists() and list(parts.glob("*.parquet"))
+    assert execute([*words, "--seed", "5", "--resume", out]) == 2
+    assert "seed was 0 and is 5 now" in capsys.readouterr().err
+    assert execute([*words, "--resume", out]) == 0
     assert (tmp_path / "out" / "results.parquet").read_bytes() == (unbroken / "results.parquet").read_bytes()
     assert not parts.exists()
 
 
 def test_report_is_redrawn_from_the_folder_alone(unbroken: Path) -> None:
-    from jaxmodel.run.cli import execute
-
     before = {path.name: path.read_bytes() for path in (unbroken / "figures").iterdir()}
     page = (unbroken / "report.html").read_bytes()
     for path in (unbroken / "figures").iterdir():
