@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float, Int, UInt
 from scipy.spatial import KDTree
 
 from jaxmodel.geometry.arrays import AnyArray
-from jaxmodel.geometry.voxel_grid import cube_around
+from jaxmodel.geometry.voxel_grid import VoxelGrid, cube_around
 
 # The squared distance that stands for "no such neighbour". Finite on purpose: the kernels let the compiler reorder
 # sums, and sentinels must survive that whatever it assumes of infinities. A power of two: ``candidate_stack`` clears
@@ -55,23 +55,50 @@ def build_table(
 ) -> VoxelTable:
     """Build the table on the host.
 
-    ``margin`` grows the cloud's box on every side (unit of the data; default a fifth of its longest edge). Rows are
-    ordered by distance to the cell's centre. With fewer points than candidates, the last index is repeated.
+    ``margin`` grows the cloud's box on every side (unit of the data; default three cells). Rows are ordered by distance
+    to the cell's centre. With fewer points than candidates, the last index is repeated. With several candidates, cells
+    further than four cells from the cloud hold the neighbours of the point nearest to them, found on a grid of half
+    the resolution: nothing closer is told apart there, and the table is built several times faster.
     """
     if margin is None:
-        margin = 0.2 * float(np.ptp(points, axis=0).max())
+        margin = 3.0 / max(cells - 6, 1) * float(np.ptp(points, axis=0).max())
     grid = cube_around(points, cells, margin)
     tree = KDTree(points, balanced_tree=False, compact_nodes=False)
     found = min(candidates, len(points))
-    index = np.empty((cells**3, candidates), np.int16 if len(points) <= np.iinfo(np.int16).max else np.int32)
-    for first in range(0, cells**3, 1 << 18):  # slabs, so that the tree's float64 answer stays small
-        keys = np.arange(first, min(first + (1 << 18), cells**3))
-        _, nearest = tree.query(grid.centres(keys), k=found, workers=-1)
-        nearest = np.asarray(nearest).reshape(len(keys), found)
-        index[first : first + len(keys), :found] = nearest
-        index[first : first + len(keys), found:] = nearest[:, -1:]
+    dtype = np.int16 if len(points) <= np.iinfo(np.int16).max else np.int32
+    if found == 1 or cells % 2:
+        index = _query(tree, grid, np.arange(cells**3), found, dtype)
+    else:
+        index = _near_and_far(tree, points, grid, found, dtype)
+    index = np.concatenate([index, np.repeat(index[:, -1:], candidates - found, axis=1)], axis=1)
     inverse_cell = np.asarray(1.0 / grid.cell, np.float32)
     return VoxelTable(index, grid.origin.astype(np.float32), inverse_cell, np.asarray(found, np.uint32), cells)
+
+
+def _query(tree: KDTree, grid: VoxelGrid, keys: np.ndarray, found: int, dtype: type) -> np.ndarray:
+    """The ``found`` points nearest to the centres of some cells, in slabs that keep the tree's answer small."""
+    index = np.empty((len(keys), found), dtype)
+    for first in range(0, len(keys), 1 << 18):
+        part = slice(first, first + (1 << 18))
+        _, nearest = tree.query(grid.centres(keys[part]), k=found, workers=-1)
+        index[part] = np.asarray(nearest).reshape(-1, found)
+    return index
+
+
+def _near_and_far(tree: KDTree, points: np.ndarray, grid: VoxelGrid, found: int, dtype: type) -> np.ndarray:
+    cells = grid.shape[0]
+    half = VoxelGrid(grid.origin, 2 * grid.cell, (cells // 2,) * 3)
+    distance, nearest = tree.query(half.centres(np.arange((cells // 2) ** 3)), workers=-1)
+    # four cells, plus half the diagonal of the coarse cell whose centre was asked
+    near = (np.asarray(distance) <= (4.0 + np.sqrt(3.0)) * grid.cell).reshape(half.shape)
+    _, neighbours = tree.query(points, k=found, workers=-1)
+    index = np.asarray(neighbours, dtype).reshape(-1, found)[np.asarray(nearest).reshape(half.shape)]
+    for axis in range(3):
+        near, index = near.repeat(2, axis=axis), index.repeat(2, axis=axis)
+    index = index.reshape(-1, found)
+    keys = np.flatnonzero(near)
+    index[keys] = _query(tree, grid, keys, found, dtype)
+    return index
 
 
 def cell_keys(table: VoxelTable, queries: Float[jax.Array, "3 n"]) -> UInt[jax.Array, " n"]:

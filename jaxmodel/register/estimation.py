@@ -45,12 +45,14 @@ def fit_point_to_plane(
     row = [y * normal[2] - z * normal[1], z * normal[0] - x * normal[2], x * normal[1] - y * normal[0], *normal]
     upper = [weight * row[i] * row[j] for i in range(6) for j in range(i, 6)]
     right = [weight * row[i] * residual for i in range(6)]
-    sums = sum_over_points([*upper, *right])
+    sums = sum_over_points([*upper, *right, weight * (x * x + y * y + z * z)])
     matrix = [[jnp.float32(0)] * 6 for _ in range(6)]
     pairs = [(i, j) for i in range(6) for j in range(i, 6)]
     for (i, j), value in zip(pairs, sums[:21], strict=True):
         matrix[i][j] = matrix[j][i] = value
-    solution, determined = solve_positive(jnp.stack([jnp.stack(r) for r in matrix]), jnp.stack(sums[21:]))
+    # a rotation that moves no point out of its plane by a share of 1e-4 of the lever arms is not seen at all
+    least = 1e-8 * sums[27] * jnp.asarray([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+    solution, determined = solve_positive(jnp.stack([jnp.stack(r) for r in matrix]), jnp.stack(sums[21:27]), least)
     turn = _rotation(solution[:3])
     rotation = turn @ R
     # one Newton step towards the nearest rotation keeps the product of many turns orthonormal
@@ -59,11 +61,14 @@ def fit_point_to_plane(
 
 
 def solve_positive(
-    matrix: Float[jax.Array, "m m"], right: Float[jax.Array, " m"]
+    matrix: Float[jax.Array, "m m"], right: Float[jax.Array, " m"], least: Float[jax.Array, " m"] | float = 0.0
 ) -> tuple[Float[jax.Array, " m"], Bool[jax.Array, ""]]:
-    """Solution of a small symmetric positive definite system by scaled elimination, and whether it is well posed."""
+    """Solution of a small symmetric positive definite system by scaled elimination, and whether it is well posed.
+
+    ``least``: a diagonal entry below it is rounding, and is not scaled up to look like a measurement.
+    """
     size = right.shape[0]
-    diagonal = jnp.diagonal(matrix)
+    diagonal = jnp.maximum(jnp.diagonal(matrix), least)
     scale = jax.lax.rsqrt(jnp.where(diagonal > 0, diagonal, 1.0))  # unit diagonal: rotation and translation alike
     augmented = jnp.concatenate([matrix * scale[:, None] * scale[None, :], (right * scale)[:, None]], axis=1)
     smallest = jnp.float32(jnp.inf)

@@ -23,6 +23,7 @@ from jaxmodel.register.rejection import sum_over_points, zhang_limit
 
 RUNNING = -1
 FEWEST_PAIRS = 4
+ROUNDING = 2.5e-7  # what float32 leaves undecided of a mean distance, in sizes of the target
 
 
 class Pose(eqx.Module):
@@ -208,8 +209,9 @@ class Icp(Kernel):
     ) -> Bool[jax.Array, ""]:
         if self.method.stop == "slope":
             # annex B.2 asks for a falling error; an exact fixed point must stop too, so: not rising (ERRATA)
-            slope_percent = 100.0 * jnp.abs(error - state.error) / first_error
-            return (error <= state.error) & ((slope_percent < strategy.slope_percent) | (error == state.error))
+            change, rounding = error - state.error, ROUNDING * self.problem.size
+            slope_percent = 100.0 * jnp.abs(change) / first_error
+            return (change <= rounding) & ((slope_percent < strategy.slope_percent) | (jnp.abs(change) <= rounding))
         # |R' - R|_F = 2 sqrt(2) sin(angle / 2), which stays accurate where the cosine does not
         turned = jnp.sqrt(jnp.sum((pose.rotation - state.pose.rotation) ** 2) / 2.0)
         moved = jnp.sqrt(jnp.sum((pose.translation - state.pose.translation) ** 2))

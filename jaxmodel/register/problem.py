@@ -45,7 +45,8 @@ class Frames(eqx.Module):
         """Rotations and translations between the centred frames, float32."""
         R = T_target_source[:, :3, :3]
         t = R @ self.source_centre + T_target_source[:, :3, 3] - self.target_centre
-        return R.astype(np.float32), t.astype(np.float32)
+        with np.errstate(over="ignore"):  # too far for float32: becomes infinite, and is reported as such
+            return R.astype(np.float32), t.astype(np.float32)
 
     def from_centred(self, R: Float[np.ndarray, "s 3 3"], t: Float[np.ndarray, "s 3"]) -> Float[np.ndarray, "s 4 4"]:
         """Poses T_target_source in float64 from centred rotations (already orthonormal) and translations."""
@@ -81,9 +82,10 @@ def prepare(target: Views, source: Views, method: IcpMethod) -> tuple[Problem, F
     def columns(points: np.ndarray, length: int) -> np.ndarray:
         return np.ascontiguousarray(pad_rows(points.astype(np.float32), length).T)
 
-    exact = build_table(centred, method.exact_cells, method.candidates) if method.needs_exact_table else None
+    margin = 0.2 * float(np.ptp(centred, axis=0).max())  # starts reach beyond the target's box
+    exact = build_table(centred, method.exact_cells, method.candidates, margin) if method.needs_exact_table else None
     shared = exact is not None and method.cells == method.exact_cells  # one table then serves both
-    fast = exact if shared else build_table(centred, method.cells, 1) if method.needs_fast_table else None
+    fast = exact if shared else build_table(centred, method.cells, 1, margin) if method.needs_fast_table else None
     problem = Problem(
         source=columns(_in_spatial_order(source_points - frames.source_centre), source_length),
         mask=np.arange(source_length) < len(source_points),

@@ -112,7 +112,7 @@ def sweep_chunks(
     """
     starts = check_starts(starts)
     method = resolve(method)
-    engine = engine or Engine("cores" if lanes is None else "lanes", lanes=lanes or 256, chunk=chunk)
+    engine = engine or Engine("cores" if lanes is None else "lanes", lanes=256 if lanes is None else lanes, chunk=chunk)
     if lanes is None and engine.executor == "auto":
         engine = Engine(engine.resolved(), engine.lanes, engine.chunk, engine.steps_per_round)
     if method.fit == "svd" and engine.resolved() == "cores":

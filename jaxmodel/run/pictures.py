@@ -80,7 +80,7 @@ def case_line(case: Mapping[str, Any]) -> tuple[str, ...]:
         f"{100 * success['low']:.1f} to {100 * success['high']:.1f} %" if success else "",
         f"{best['start']}: error {best['error']:.3g}{verdict}",
         _plateau(case["plateau"]),
-        f"{case['starts_per_second']:.0f}" if case.get("starts_per_second") else "",
+        f"{case['starts_per_second']:.0f}" if (case.get("starts_per_second") or 0) >= 1 else "",
     )
 
 
