@@ -122,10 +122,11 @@ def verdicts(cases: Sequence[dict[str, Any]], overlap: dict[str, tuple[float, fl
         sharp = sum(min(plateau["precision"] or 0, plateau["recall"] or 0) >= 0.95 for plateau in named)
         misled = [case["pair"] for case in ours if case["plateau"]["found"] and not case["best"]["right"]]
         lines.append(
-            f"{kind}: Sweep.best is right on {right} of {len(asked)} pairs with overlap >= 0.5 both ways. Of {len(basins)} "
-            f"pairs with a right start, the truth-free test names a basin on {len(named)}, with precision and recall "
-            f">= 0.95 on {sharp}, and abstains on {len(basins) - len(named)}. Over all {len(ours)} pairs it names a "
-            f"wrong basin on {len(misled)}{' (' + ', '.join(misled) + ')' if misled else ''}."
+            f"{kind}: Sweep.best is right on {right} of {len(asked)} pairs with overlap >= 0.5 both ways. "
+            f"Of {len(basins)} pairs with a right start, the truth-free test names a basin on {len(named)}, "
+            f"with precision and recall >= 0.95 on {sharp}, and abstains on {len(basins) - len(named)}. "
+            f"Over all {len(ours)} pairs it names a wrong basin on {len(misled)}"
+            f"{' (' + ', '.join(misled) + ')' if misled else ''}."
         )
     either = {case["pair"] for case in cases if case["best"]["right"] and min(overlap[case["pair"]]) >= 0.5}
     lines.append(f"Right with at least one kind of points: {len(either)}.")

@@ -87,7 +87,7 @@ def main() -> None:
                 f"{len(starts) / statistics.median(taken[name]):.1f}",
                 spread(taken[name]),
                 f"{median_ratio(taken['vmap'], taken[name]):.2f}",
-                f"{first[name] - statistics.median(taken[name]):.1f}",
+                f"{max(0.0, first[name] - statistics.median(taken[name])):.1f}",
                 f"{is_right(pair, world[name]).mean():.3f}",
                 f"{same[name]:.4f}",
                 f"{(turned <= 1e-5).mean():.3f}, {np.quantile(turned, 0.5):.1e}, {turned.max():.1e}",
