@@ -81,7 +81,7 @@ def plain_method(pair: Pair) -> Any:
 
 def small_gicp_poses(pair: Pair, threads: int, starts: Starts) -> Starts:
     """One ``align`` per start; cloud and tree are made once."""
-    import small_gicp
+    import small_gicp  # pyright: ignore[reportMissingImports]
 
     cloud, moving = small_gicp.PointCloud(pair.target), small_gicp.PointCloud(pair.source)
     tree = small_gicp.KdTree(cloud, num_threads=threads)

@@ -87,7 +87,7 @@ def _query(tree: KDTree, grid: VoxelGrid, keys: np.ndarray, found: int, dtype: t
 
 def _near_and_far(tree: KDTree, points: np.ndarray, grid: VoxelGrid, found: int, dtype: type) -> np.ndarray:
     cells = grid.shape[0]
-    half = VoxelGrid(grid.origin, 2 * grid.cell, (cells // 2,) * 3)
+    half = VoxelGrid(grid.origin, 2 * grid.cell, (cells // 2, cells // 2, cells // 2))
     distance, nearest = tree.query(half.centres(np.arange((cells // 2) ** 3)), workers=-1)
     # four cells, plus half the diagonal of the coarse cell whose centre was asked
     near = (np.asarray(distance) <= (4.0 + np.sqrt(3.0)) * grid.cell).reshape(half.shape)
