@@ -140,8 +140,10 @@ def main() -> None:
         "--pairs", nargs="+", default=[], metavar="NAME", help="only these: bun000-bun045 ..., boulder ..."
     )
     given = parser.parse_args()
+    from jaxmodel.run.devices import prepare_devices, quiet_compiler
+
+    quiet_compiler()
     from jaxmodel.run.console import write, write_table
-    from jaxmodel.run.devices import prepare_devices
     from jaxmodel.run.published import COLUMNS, published_lines
 
     prepare_devices()

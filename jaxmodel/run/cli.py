@@ -47,6 +47,9 @@ def _run(command: arguments.AnyCommand, changes: list[tuple[str, str]], words: l
         from jaxmodel.run import public_data
 
         return public_data.run(command.action)
+    from jaxmodel.run.devices import quiet_compiler
+
+    quiet_compiler()
     from jaxmodel.run import commands
 
     line = shlex.join(["jaxmodel", *words])

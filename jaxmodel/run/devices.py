@@ -5,6 +5,14 @@ from pathlib import Path
 from typing import Any, cast
 
 
+def quiet_compiler() -> None:
+    """Keep the compiler's log to what is fatal; call before JAX is imported. The user's own choice stands.
+
+    Each kernel read back from the cache would print pages about tuning flags that no processor lists as features.
+    """
+    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
+
+
 def prepare_devices() -> int:
     """Give JAX one CPU device per usable core and a persistent compilation cache; call before any array is made.
 

@@ -46,3 +46,16 @@ def test_cache_folder_follows_the_environment(monkeypatch: pytest.MonkeyPatch, t
     assert cache_folder() == tmp_path / "jaxmodel" / "xla"
     monkeypatch.setenv("JAXMODEL_CACHE", "")
     assert cache_folder() is None
+
+
+@pytest.mark.slow
+def test_kernels_read_back_from_the_cache_print_nothing(tmp_path: Path) -> None:
+    command = "import sys; from jaxmodel.run.cli import main; main(sys.argv[1:])"
+    small = ("--scans.names", "[boulder]", "--starts.count", "2", "--claims.starts", "0")
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(("JAX", "XLA", "TF_"))}
+    environment = {**kept, "JAX_PLATFORMS": "cpu", "JAXMODEL_CACHE": str(tmp_path / "cache")}
+    for run in ("first", "second"):
+        words = [sys.executable, "-c", command, "run", "quickstart", *small, "--out", str(tmp_path / run)]
+        done = subprocess.run(words, env=environment, capture_output=True, text=True, check=True)
+    assert any((tmp_path / "cache").rglob("*"))
+    assert "cpu_aot_loader" not in done.stderr
