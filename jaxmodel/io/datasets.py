@@ -13,11 +13,12 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxmodel.errors import InputError
+from jaxmodel.io.meshes import MESH_SUFFIXES
 from jaxmodel.io.poses import check_conf, load_truth, read_conf, relative_pose
 from jaxmodel.io.scans import load_scan
 from jaxmodel.scan.cloud import Cloud
 from jaxmodel.scan.noise import Noise
-from jaxmodel.scan.objects import object_mesh
+from jaxmodel.scan.objects import ObjectMesh, object_mesh
 from jaxmodel.scan.range_image import RangeImage
 from jaxmodel.scan.sensor import Sensor
 from jaxmodel.scan.virtual_scanner import scan_mesh, turntable_poses
@@ -93,26 +94,26 @@ class StanfordBunny:
         return name
 
 
-class ObjectViews:
-    """Range images of a built-in object (:mod:`jaxmodel.scan.objects`) on a turntable, made when asked for.
+class MeshViews:
+    """Range images of a triangle mesh on a turntable, made when asked for.
 
-    View i looks from angle ``views_deg[i]`` at ``elevation_deg``, from ``distance`` object sizes. Each scan is in its
-    sensor's frame; the world frame is the object's. View i draws its noise with ``fold_in(key(seed), i)``, so it is the
-    same alone or among others. Names are the object's followed by the angle: ``boulder045``.
+    View i looks from angle ``views_deg[i]`` around z at ``elevation_deg``, from ``distance`` (unit of the mesh). Each
+    scan is in its sensor's frame; the world frame is the mesh's. View i draws its noise with ``fold_in(key(seed), i)``,
+    so it is the same alone or among others. Names are ``name`` followed by the angle: ``boulder045``.
     """
 
     def __init__(
         self,
         name: str,
-        views_deg: Sequence[float | int] = (0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0),
+        mesh: ObjectMesh,
+        views_deg: Sequence[float | int],
         sensor: Sensor | None = None,
         noise: Noise | None = None,
         seed: int = 0,
         distance: float | int = 3.0,
         elevation_deg: float | int = 20.0,
     ):
-        self.object = name
-        self.mesh = object_mesh(name)
+        self.mesh = mesh
         self.sensor = Sensor() if sensor is None else sensor
         self.noise = noise
         self.seed = seed
@@ -133,13 +134,13 @@ class ObjectViews:
         return tuple(self._poses)
 
     def scan(self, name: str) -> RangeImage:
-        """The range image of a view, in its sensor's frame, object units."""
+        """The range image of a view, in its sensor's frame, unit of the mesh."""
         pose = self.T_world_scan(name)
         key = jax.random.fold_in(jax.random.key(self.seed), self.names.index(name))
         return scan_mesh(self.mesh.vertices, self.mesh.faces, self.sensor, pose, self.noise, key)
 
     def T_world_scan(self, name: str) -> Float[np.ndarray, "4 4"]:
-        """The sensor's pose in the object's frame."""
+        """The sensor's pose in the mesh's frame."""
         if name not in self._poses:
             raise InputError(f"There is no view {name!r}; there are {', '.join(self._poses)}.")
         return self._poses[name]
@@ -147,6 +148,40 @@ class ObjectViews:
     def T_target_source(self, target: str, source: str) -> Float[np.ndarray, "4 4"]:
         """True pose of view ``source`` in the frame of view ``target``."""
         return relative_pose(self.T_world_scan(target), self.T_world_scan(source))
+
+
+class ObjectViews(MeshViews):
+    """:class:`MeshViews` of a built-in object (:mod:`jaxmodel.scan.objects`), in object units."""
+
+    def __init__(
+        self,
+        name: str,
+        views_deg: Sequence[float | int] = (0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0),
+        sensor: Sensor | None = None,
+        noise: Noise | None = None,
+        seed: int = 0,
+        distance: float | int = 3.0,
+        elevation_deg: float | int = 20.0,
+    ):
+        super().__init__(name, object_mesh(name), views_deg, sensor, noise, seed, distance, elevation_deg)
+        self.object = name
+
+
+def mesh_file(name: str | Path) -> Path:
+    """The file of a mesh: a path, or a name under ``meshes`` in the data folder (``fandisk``).
+
+    Raises :class:`InputError` when there is neither, listing the names there are.
+    """
+    given = Path(name)
+    if given.is_file():
+        return given
+    root = data_root()
+    folder = None if root is None else root / "meshes"
+    found = {path.stem: path for path in sorted(folder.glob("*")) if path.suffix in MESH_SUFFIXES} if folder else {}
+    if str(name) in found:
+        return found[str(name)]
+    there = f"there are {', '.join(found)}" if found else "and no meshes were found, set JAXMODEL_DATA"
+    raise InputError(f"There is no mesh file {str(name)!r}, nor one of that name in the data folder; {there}.")
 
 
 class FilePair:

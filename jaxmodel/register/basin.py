@@ -8,6 +8,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import KDTree
+from scipy.spatial.transform import Rotation
 from scipy.stats import norm
 
 from jaxmodel.geometry.se3 import quaternion_distance, rotation_angle_deg, rotation_to_quaternion
@@ -73,6 +74,25 @@ def _truth_errors(T_target_source: np.ndarray, T_true: np.ndarray, source_centro
     shift = T[:, :3, :3] @ source_centroid + T[:, :3, 3] - (T_true[:3, :3] @ source_centroid + T_true[:3, 3])
     errors = rotation_angle_deg(relative), quaternion_distance(quaternions, truth), np.linalg.norm(shift, axis=1)
     return [np.where(finite, error, np.inf) for error in errors]
+
+
+def axis_angle_errors(
+    T_target_source: Float[np.ndarray, "s 4 4"], T_true: Float[np.ndarray, "4 4"]
+) -> tuple[Float[np.ndarray, " s"], Float[np.ndarray, " s"]]:
+    """Errors of the axis and of the angle of the rotation between two views (Tables 2.2, 2.3).
+
+    Returns:
+        The distance between the two unit axes, and the difference of the angles in degrees, not negative. Infinite for
+        a pose that is not finite. An axis means something only where the true angle is well above the error.
+    """
+    finite = np.all(np.isfinite(T_target_source), axis=(1, 2))
+    turns = Rotation.from_matrix(np.where(finite[:, None, None], T_target_source, np.eye(4))[:, :3, :3]).as_rotvec()
+    truth = Rotation.from_matrix(T_true[:3, :3]).as_rotvec()
+    angles, true_angle = np.linalg.norm(turns, axis=1), float(np.linalg.norm(truth))
+    tiny = np.finfo(float).tiny
+    axis_error = np.linalg.norm(turns / np.maximum(angles, tiny)[:, None] - truth / max(true_angle, tiny), axis=1)
+    angle_error = np.degrees(np.abs(angles - true_angle))
+    return np.where(finite, axis_error, np.inf), np.where(finite, angle_error, np.inf)
 
 
 def right(errors: TruthErrors, tolerance_deg: float = SAME_DEG, tolerance: float = np.inf) -> Bool[np.ndarray, " s"]:

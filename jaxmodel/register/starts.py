@@ -69,3 +69,41 @@ def even_starts(
 ) -> Float[np.ndarray, "s 4 4"]:
     """``count`` starts whose rotations are spread evenly over SO(3)."""
     return starts_from_rotations(even_rotations(count), target_points, source_points, translation)
+
+
+def plausible_starts(
+    T_target_source: Float[np.ndarray, "4 4"],
+    source_centroid: Float[np.ndarray, "3"],
+    count: int,
+    seed: int,
+    spread_deg: float,
+    shift: float,
+    most_deg: float = 180.0,
+) -> Float[np.ndarray, "s 4 4"]:
+    """Starts as a person who lines two scans up by eye would give them (our reading of §2.9.2, which does not say).
+
+    The source is put at its true pose, turned about its centroid around a random axis, and moved.
+
+    Args:
+        T_target_source: the true pose.
+        source_centroid: mean of the source's points, its frame.
+        count: how many.
+        seed: start i draws from ``[seed, i]``, so it is the same however many there are.
+        spread_deg: the angle is the absolute value of a normal draw with this standard deviation: its median is two
+            thirds of it, one angle in twenty is beyond twice of it. Draws beyond ``most_deg`` are made again.
+        shift: radius of the ball the translation is drawn from uniformly, unit of the data.
+        most_deg: largest angle.
+    """
+    T = np.tile(np.eye(4), (count, 1, 1))
+    for i in range(count):
+        draw = np.random.default_rng([seed, i])
+        axis, direction = draw.normal(size=3), draw.normal(size=3)
+        angle = abs(draw.normal()) * spread_deg
+        while angle > most_deg:
+            angle = abs(draw.normal()) * spread_deg
+        turn = Rotation.from_rotvec(np.radians(angle) * axis / np.linalg.norm(axis)).as_matrix()
+        moved = shift * draw.uniform() ** (1 / 3) * direction / np.linalg.norm(direction)
+        T[i, :3, :3] = turn @ T_target_source[:3, :3]
+        centre = T_target_source[:3, :3] @ source_centroid + T_target_source[:3, 3]
+        T[i, :3, 3] = centre + moved - T[i, :3, :3] @ source_centroid
+    return T

@@ -17,7 +17,7 @@ from jaxmodel.register.icp import Icp, IcpResult, Pose
 from jaxmodel.register.method import IcpMethod
 from jaxmodel.register.methods import resolve
 from jaxmodel.register.outcome import Outcome
-from jaxmodel.register.problem import Frames, Views, prepare
+from jaxmodel.register.problem import Frames, Problem, Views, prepare
 
 
 class Registration(eqx.Module):
@@ -110,15 +110,31 @@ def sweep_chunks(
     ``order`` permutes the starts before they are cut into chunks; ``skip`` leaves out chunks already done. A start's
     result does not depend on either.
     """
-    starts = check_starts(starts)
     method = resolve(method)
     engine = engine or Engine("cores" if lanes is None else "lanes", lanes=256 if lanes is None else lanes, chunk=chunk)
     if lanes is None and engine.executor == "auto":
         engine = Engine(engine.resolved(), engine.lanes, engine.chunk, engine.steps_per_round)
+    starts = check_starts(starts)
+    yield from sweep_prepared(prepare(target, source, method), starts, method, engine, order, skip)
+
+
+def sweep_prepared(
+    prepared: tuple[Problem, Frames],
+    starts: Float[np.ndarray, "s 4 4"],
+    method: IcpMethod,
+    engine: Engine,
+    order: Int[np.ndarray, " s"] | None = None,
+    skip: frozenset[int] = frozenset(),
+) -> Iterator[tuple[int, Int[np.ndarray, " c"], Sweep]]:
+    """As ``sweep_chunks``, on a pair made ready by ``problem.prepare`` for this ``method``.
+
+    For several sweeps of one pair, or to time the making of the voxel tables apart.
+    """
+    starts = check_starts(starts)
     if method.fit == "svd" and engine.resolved() == "cores":
         # LAPACK inside sharded loops can hang on CPU (see geometry/eigen.py): run the same method on lanes
         engine = Engine("lanes", engine.lanes, engine.chunk, engine.steps_per_round)
-    problem, frames = prepare(target, source, method)
+    problem, frames = prepared
     R, t = frames.to_centred(starts)
     for number, members, result in run_chunks(Icp(problem, method), Pose(R, t), engine, order, skip):
         yield number, members, _collected(result, frames)

@@ -10,6 +10,8 @@ from typing import Annotated, Literal
 import tyro
 
 _Positional = tyro.conf.Positional
+ControlPointsKind = Literal["subsample", "vertices", "contours", "split_vertices"]
+Labels = tuple[Literal["crease", "depth", "border"], ...]
 
 
 @dataclass(frozen=True)
@@ -49,8 +51,11 @@ class Sweep:
     """The thesis's grid of Euler angles, or rotations spread evenly."""
     method: str = "thesis_2005"
     """A registration method, by the name of its file in configs/methods."""
-    control_points: Literal["subsample", "vertices"] = "subsample"
-    """Points that drive the registration: measured points, or vertices of the decimated range image."""
+    control_points: ControlPointsKind = "subsample"
+    """Points that drive the registration: measured points, vertices of the decimated range image, points on its
+    contours, or vertices of its split mesh."""
+    labels: Labels = ("crease",)
+    """Which contours, with --control-points contours: crease for free forms and cylinders, all three for polyhedra."""
     count: int = 2000
     """How many control points of each scan."""
     truth: Path | None = None
@@ -90,8 +95,10 @@ class Register:
     """First guess of T_target_source: 4 x 4 text, .npy or JSON."""
     method: str = "thesis_2005"
     """A registration method, by the name of its file in configs/methods."""
-    control_points: Literal["subsample", "vertices"] = "subsample"
+    control_points: ControlPointsKind = "subsample"
     """Points that drive the registration."""
+    labels: Labels = ("crease",)
+    """Which contours, with --control-points contours: crease for free forms and cylinders, all three for polyhedra."""
     count: int = 2000
     """How many control points of each scan."""
     seed: int = 0

@@ -1,5 +1,6 @@
 """A case: one pair of scans with one kind of control points and all its starts. What one sweep works on."""
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,8 +30,10 @@ class Case:
     """Diagonal of the source's bounding box, in the unit of the data."""
 
 
-def make_cases(pair: Pair, kinds: tuple[ControlPoints, ...], starts: Starts, seed: int) -> list[Case]:
-    """One case for each kind of control points of a pair."""
+def make_cases(
+    pair: Pair, kinds: tuple[ControlPoints, ...], starts: Starts, seed: int, equal_counts: bool = False
+) -> list[Case]:
+    """One case for each kind of control points of a pair; ``equal_counts``: as many points as the first kind gave."""
     target, source = as_cloud(pair.target, f"{pair.name}, target"), as_cloud(pair.source, f"{pair.name}, source")
     if isinstance(starts, EulerStarts):
         T_target_source = euler_starts(target.points, source.points, starts.steps, starts.translation)
@@ -43,12 +46,18 @@ def make_cases(pair: Pair, kinds: tuple[ControlPoints, ...], starts: Starts, see
     else:
         T_target_source = even_starts(target.points, source.points, starts.count)
     words = [options.kind for options in kinds]
+    chosen: list[tuple[Cloud, Cloud]] = []
+    for options in kinds:
+        wanted = [options, options]
+        if equal_counts and chosen:
+            wanted = [dataclasses.replace(options, count=len(cloud)) for cloud in chosen[0]]
+        chosen.append((select(pair.target, wanted[0], seed), select(pair.source, wanted[1], seed)))
     return [
         Case(
             pair=pair,
             control_points=options.kind if words.count(options.kind) == 1 else f"{options.kind}-{number}",
-            target=select(pair.target, options, seed),
-            source=select(pair.source, options, seed),
+            target=chosen[number][0],
+            source=chosen[number][1],
             starts=np.asarray(T_target_source, dtype=np.float64),
             source_centroid=source.points.mean(axis=0, dtype=np.float64),
             size=float(np.linalg.norm(np.ptp(source.points, axis=0))),

@@ -9,10 +9,9 @@ from jaxmodel.io.results import RunDir, json_text, read_json
 from jaxmodel.io.strict_yaml import config_files, override, read_yaml
 from jaxmodel.run import arguments, console
 from jaxmodel.run.devices import prepare_devices
-from jaxmodel.run.pictures import CASE_COLUMNS, CLAIM_COLUMNS, case_line, claim_lines, redraw
+from jaxmodel.run.faults import fault_tables
 from jaxmodel.run.provenance import check_same, manifest
-from jaxmodel.run.published import COLUMNS, published_lines
-from jaxmodel.run.registry import load_experiment, prepare_experiment
+from jaxmodel.run.registry import EXPERIMENTS, experiment_module, load_experiment, prepare_experiment
 
 REGISTER_STARTS = 500
 """Evenly spread starts that ``jaxmodel register`` tries when it is given no first guess."""
@@ -70,20 +69,30 @@ def _file_experiment(
             "source": str(command.source.absolute()),
             "truth": None if truth is None else str(truth.absolute()),
         },
-        "control_points": [{"kind": command.control_points, "count": command.count}],
+        "control_points": [_control_points(command)],
         "starts": starts,
         "method": command.method,
         "claims": {"starts": 0},
     }
 
 
+def _control_points(command: arguments.Sweep | arguments.Register) -> dict[str, Any]:
+    chosen: dict[str, Any] = {"kind": command.control_points, "count": command.count}
+    if command.control_points == "contours":
+        return chosen | {"labels": list(command.labels)}
+    if command.labels != ("crease",):
+        raise InputError(f"--labels needs --control-points contours, not {command.control_points}")
+    return chosen
+
+
 def report(command: arguments.Report) -> None:
     """``jaxmodel report``: draw a finished run again."""
     summary = read_json(command.folder / "summary.json")
-    if "cases" not in summary:
-        raise InputError(f"{command.folder}: holds no sweep, so there is nothing to draw")
+    name = summary.get("experiment")
+    if name not in EXPERIMENTS:
+        raise InputError(f"{command.folder}: holds no experiment of this version, so there is nothing to draw")
     with RunDir.resume(command.folder) as folder:
-        figures = redraw(folder, summary)
+        figures = experiment_module(name).draw(folder, summary)
     console.write(f"wrote {command.folder / 'report.html'} and {len(figures)} figures")
     if command.json:
         content = {"status": "ok", "out": str(command.folder), "report": "report.html", "figures": figures}
@@ -118,12 +127,8 @@ def _experiment(raw: dict[str, Any], where: str, out: Path, resumed: bool, json:
 
 
 def _show(summary: dict[str, Any], out: Path, line: str) -> None:
-    console.write_table(f"Convergence of {summary['method']}", CASE_COLUMNS, [case_line(c) for c in summary["cases"]])
-    claims = claim_lines(summary)
-    if claims:
-        console.write_table("Two claims of thesis §2.9.2", CLAIM_COLUMNS, claims)
-    if any(row["ours"] for row in summary["published"]):
-        console.write_table("Published | ours | command", COLUMNS, published_lines(summary["published"], line))
+    for table in [*experiment_module(summary["experiment"]).tables(summary, line), *fault_tables(summary)]:
+        console.write_table(*table)
     console.write(f"wrote {out}: results.parquet, summary.json, report.html and {len(summary['figures'])} figures")
 
 

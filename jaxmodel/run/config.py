@@ -13,16 +13,42 @@ MOST_STARTS = 10_000_000
 
 @dataclass(frozen=True)
 class ObjectScans:
-    """Two virtual views of each built-in object: the first is the target, the second the source."""
+    """Virtual views of each built-in object: of ``views_deg`` the first is the target, the second the source.
+
+    Both are turned on by each of ``turns_deg``, which makes as many pairs of each object.
+    """
 
     names: tuple[str, ...]
     kind: Literal["objects"] = "objects"
     views_deg: tuple[float, float] = (0.0, 30.0)
+    turns_deg: tuple[float, ...] = (0.0,)
     sensor: Sensor = field(default_factory=Sensor)
     noise: Noise | None = field(default_factory=Laser)
 
     def __post_init__(self) -> None:
         _require(len(self.names) > 0, "names is empty, expected at least one object")
+        _require(len(self.turns_deg) > 0, "turns_deg is empty, expected at least one angle")
+
+
+@dataclass(frozen=True)
+class MeshScans:
+    """As ``ObjectScans``, of meshes: files, or names under ``meshes`` in ``JAXMODEL_DATA`` (fandisk, spot).
+
+    Each is brought to unit size, its axis ``up`` becomes the turntable's.
+    """
+
+    names: tuple[str, ...]
+    kind: Literal["meshes"] = "meshes"
+    family: Family = "unknown"
+    up: Literal["x", "y", "z"] = "y"
+    views_deg: tuple[float, float] = (0.0, 30.0)
+    turns_deg: tuple[float, ...] = (0.0,)
+    sensor: Sensor = field(default_factory=Sensor)
+    noise: Noise | None = field(default_factory=Laser)
+
+    def __post_init__(self) -> None:
+        _require(len(self.names) > 0, "names is empty, expected at least one mesh")
+        _require(len(self.turns_deg) > 0, "turns_deg is empty, expected at least one angle")
 
 
 @dataclass(frozen=True)
@@ -55,7 +81,7 @@ class FileScans:
     family: Family = "unknown"
 
 
-Scans = ObjectScans | BunnyScans | FileScans
+Scans = ObjectScans | MeshScans | BunnyScans | FileScans
 
 
 @dataclass(frozen=True)
@@ -97,6 +123,27 @@ class FileStarts:
 
 
 Starts = EulerStarts | EvenStarts | FileStarts
+
+
+@dataclass(frozen=True)
+class PlausibleStarts:
+    """Starts as a person would choose them by eye: the true pose, turned about a random axis and moved.
+
+    ``spread_deg`` is the standard deviation of the normal law whose absolute value is the angle, cut at ``most_deg``;
+    the translation is uniform in a ball of ``shift_of_size`` times the diagonal of the source's box.
+    """
+
+    count: int = 20
+    spread_deg: float = 30.0
+    most_deg: float = 90.0
+    shift_of_size: float = 0.1
+
+    def __post_init__(self) -> None:
+        _require(1 <= self.count <= MOST_STARTS, f"count is {self.count}, expected 1 to {MOST_STARTS}")
+        _require(self.spread_deg > 0, f"spread_deg is {self.spread_deg}, expected above 0")
+        sound = self.spread_deg <= self.most_deg <= 180
+        _require(sound, f"most_deg is {self.most_deg}, expected from spread_deg ({self.spread_deg}) to 180")
+        _require(self.shift_of_size >= 0, f"shift_of_size is {self.shift_of_size}, expected 0 or more")
 
 
 @dataclass(frozen=True)

@@ -23,22 +23,29 @@ from jaxmodel.run.cases import Case, make_cases
 from jaxmodel.run.config import Claims, EulerStarts, Execution, FileStarts, Right, Scans, Starts
 from jaxmodel.run.console import Progress
 from jaxmodel.run.convergence_table import case_rows, chunk_rows, finish_case, pooled_translation
+from jaxmodel.run.faults import unequal_counts
 from jaxmodel.run.pairs import load_pairs
-from jaxmodel.run.pictures import redraw
+from jaxmodel.run.pictures import draw, tables
 from jaxmodel.run.provenance import hash_files
 from jaxmodel.run.published import published_rows
 from jaxmodel.run.registry import Prepared
 from jaxmodel.run.scene import make_scene
 
+__all__ = ["Config", "Convergence", "draw", "prepare", "tables"]
+
 
 @dataclass(frozen=True)
 class Config:
-    """The YAML of a convergence experiment."""
+    """The YAML of a convergence experiment.
+
+    ``equal_counts``: every kind of control points has as many as the first kind gave, scan by scan.
+    """
 
     scans: Scans
     experiment: Literal["convergence"] = "convergence"
     seed: int = 0
     control_points: tuple[ControlPoints, ...] = (Subsample(),)
+    equal_counts: bool = False
     starts: Starts = field(default_factory=EulerStarts)
     method: str | IcpMethod = "thesis_2005"
     right: Right = field(default_factory=Right)
@@ -64,7 +71,9 @@ class Convergence(Prepared):
         self.inputs = hash_files(dict.fromkeys(files))
         self.resolved = {**unstructure(config), "method": {"name": self.method_name, **unstructure(self.method)}}
         self.cases = [
-            case for pair in pairs for case in make_cases(pair, config.control_points, config.starts, config.seed)
+            case
+            for pair in pairs
+            for case in make_cases(pair, config.control_points, config.starts, config.seed, config.equal_counts)
         ]
         self.bytes_needed = 20_000_000 + 400 * sum(len(case.starts) for case in self.cases)
 
@@ -72,19 +81,20 @@ class Convergence(Prepared):
         """Sweep what is not yet done, write ``results.parquet``, the pictures and ``summary.json``."""
         begun = time.perf_counter()
         progress.begin("starts", sum(len(c.starts) + len(self._offset_choice(c)) for c in self.cases))
-        tables, summaries = [], []
+        finished_tables, summaries = [], []
         for number, case in enumerate(self.cases):
             progress.describe(f"{case.pair.name}, {case.control_points}")
             finished = self._case(number, case, folder, progress)
-            tables.append(finished[0])
+            finished_tables.append(finished[0])
             summaries.append(finished[1])
             del finished  # the tables are let go before the pictures are made
-        folder.write_table("results.parquet", polars.concat(tables, how="vertical"))
-        tables.clear()
+        folder.write_table("results.parquet", polars.concat(finished_tables, how="vertical"))
+        finished_tables.clear()
         summary: dict[str, Any] = {
             "experiment": "convergence",
             "method": self.method_name,
             "cases": summaries,
+            "unequal": unequal_counts(summaries) if self.config.equal_counts else [],
             "translation_claim": pooled_translation(summaries),
             "published": published_rows(summaries),
         }
@@ -93,7 +103,7 @@ class Convergence(Prepared):
         poses = [np.array(entry["T_target_source"]) for entry in best]
         scene = make_scene(self.cases, self.method, [entry["start"] for entry in best], poses)
         folder.write("scene.npz", scene)
-        summary["figures"] = redraw(folder, summary)
+        summary["figures"] = draw(folder, summary)
         summary["seconds"] = round(time.perf_counter() - begun, 3)
         folder.write_json("summary.json", summary)
         folder.remove_parts()

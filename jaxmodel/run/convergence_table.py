@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import polars
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 
 from jaxmodel.errors import RunError
 from jaxmodel.register import Sweep, basin, claims
@@ -41,12 +41,17 @@ def case_rows(parts: dict[int, polars.DataFrame], starts: int, where: Path) -> p
     return table
 
 
-def as_sweep(table: polars.DataFrame) -> Sweep:
-    """The ``Sweep`` a table of rows was made from, in start order."""
+def poses(table: polars.DataFrame) -> Float[np.ndarray, "s 4 4"]:
+    """T_target_source of each row."""
     T = np.tile(np.eye(4), (len(table), 1, 1))
     for place, name in enumerate(POSE):
         T[:, place // 4, place % 4] = table[name].to_numpy()
-    return Sweep(T_target_source=T, **{name: table[name].to_numpy() for name in (*_REAL, *_WHOLE)})
+    return T
+
+
+def as_sweep(table: polars.DataFrame) -> Sweep:
+    """The ``Sweep`` a table of rows was made from, in start order."""
+    return Sweep(T_target_source=poses(table), **{name: table[name].to_numpy() for name in (*_REAL, *_WHOLE)})
 
 
 def finish_case(

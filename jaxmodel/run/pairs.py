@@ -6,18 +6,23 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 
-from jaxmodel.io.datasets import ObjectViews, StanfordBunny
+from jaxmodel.io.datasets import MeshViews, ObjectViews, StanfordBunny, mesh_file
+from jaxmodel.io.meshes import load_mesh
 from jaxmodel.io.poses import load_truth
 from jaxmodel.io.scans import load_scan
-from jaxmodel.run.config import BunnyScans, ObjectScans, Scans
+from jaxmodel.run.config import BunnyScans, MeshScans, ObjectScans, Scans
 from jaxmodel.scan.cloud import Cloud, as_cloud
 from jaxmodel.scan.objects import FREE_FORM
 from jaxmodel.scan.range_image import RangeImage
+from jaxmodel.scan.triangle_mesh import unit_sized, upright
 
 
 @dataclass(frozen=True)
 class Pair:
-    """Two scans to align: ``source`` is moved onto ``target``; ``T_target_source`` is the truth, if known."""
+    """Two scans to align: ``source`` is moved onto ``target``; ``T_target_source`` is the truth, if known.
+
+    ``subject`` is what both show; several pairs may show the same.
+    """
 
     name: str
     family: str
@@ -25,12 +30,15 @@ class Pair:
     source: RangeImage | Cloud
     T_target_source: Float[np.ndarray, "4 4"] | None = None
     files: tuple[Path, ...] = ()
+    subject: str = ""
 
 
 def load_pairs(scans: Scans, seed: int) -> list[Pair]:
     """Read or make every scan the node names; anything wrong with one is an ``InputError`` naming it."""
     if isinstance(scans, ObjectScans):
-        return [_object_pair(name, scans, seed) for name in scans.names]
+        return [pair for name in scans.names for pair in _object_pairs(name, scans, seed)]
+    if isinstance(scans, MeshScans):
+        return [pair for name in scans.names for pair in _mesh_pairs(name, scans, seed)]
     if isinstance(scans, BunnyScans):
         return _bunny_pairs(scans)
     target, source = Path(scans.target), Path(scans.source)
@@ -43,20 +51,57 @@ def load_pairs(scans: Scans, seed: int) -> list[Pair]:
             source=load_scan(source),
             T_target_source=truth,
             files=(target, source, *([Path(scans.truth)] if scans.truth is not None else [])),
+            subject=target.stem,
         )
     ]
 
 
-def _object_pair(name: str, scans: ObjectScans, seed: int) -> Pair:
-    views = ObjectViews(name, scans.views_deg, scans.sensor, scans.noise, seed)
-    target, source = views.names
-    return Pair(
-        name=name,
-        family="free_form" if name in FREE_FORM else "structured",
-        target=views.scan(target),
-        source=views.scan(source),
-        T_target_source=views.T_target_source(target, source),
-    )
+def source_extent(pair: Pair) -> tuple[Float[np.ndarray, "3"], float]:
+    """Mean of all the source's points (its frame), and the diagonal of their bounding box: centroid and size."""
+    scan = pair.source
+    points = scan.points[scan.valid] if isinstance(scan, RangeImage) else scan.points
+    return points.mean(axis=0, dtype=np.float64), float(np.linalg.norm(np.ptp(points, axis=0)))
+
+
+def _object_pairs(name: str, scans: ObjectScans, seed: int) -> list[Pair]:
+    views = ObjectViews(name, _angles(scans), scans.sensor, scans.noise, seed)
+    return _turned_pairs(name, "free_form" if name in FREE_FORM else "structured", views, scans, ())
+
+
+def _mesh_pairs(name: str, scans: MeshScans, seed: int) -> list[Pair]:
+    path = mesh_file(name)
+    mesh = unit_sized(upright(load_mesh(path), scans.up))
+    views = MeshViews(path.stem, mesh, _angles(scans), scans.sensor, scans.noise, seed)
+    return _turned_pairs(path.stem, scans.family, views, scans, (path,))
+
+
+def _angles(scans: ObjectScans | MeshScans) -> list[float]:
+    """Every view's angle once, but both of a pair of equal ones, to be refused by name."""
+    if len({view % 360 for view in scans.views_deg}) < 2:
+        return [scans.views_deg[0]] * 2
+    return list(dict.fromkeys((view + turn) % 360 for turn in scans.turns_deg for view in scans.views_deg))
+
+
+def _turned_pairs(
+    subject: str, family: str, views: MeshViews, scans: ObjectScans | MeshScans, files: tuple[Path, ...]
+) -> list[Pair]:
+    named = dict(zip(_angles(scans), views.names, strict=True))
+    images = {name: views.scan(name) for name in views.names}
+    pairs = []
+    for turn in dict.fromkeys(scans.turns_deg):
+        target, source = (named[(view + turn) % 360] for view in scans.views_deg)
+        pairs.append(
+            Pair(
+                name=subject if scans.turns_deg == (0.0,) else f"{target}-{source.removeprefix(subject)}",
+                family=family,
+                target=images[target],
+                source=images[source],
+                T_target_source=views.T_target_source(target, source),
+                files=files,
+                subject=subject,
+            )
+        )
+    return pairs
 
 
 def _bunny_pairs(scans: BunnyScans) -> list[Pair]:
@@ -73,6 +118,7 @@ def _bunny_pairs(scans: BunnyScans) -> list[Pair]:
             source=images[source],
             T_target_source=bunny.T_target_source(target, source),
             files=(bunny.path(target), bunny.path(source), bunny.folder / "bun.conf"),
+            subject="bunny",
         )
         for target, source in chosen
     ]

@@ -1,4 +1,4 @@
-"""From a finished run's table, summary and scene to ``figures/*.png`` and ``report.html``."""
+"""Of a finished convergence run: its tables, and from its folder alone ``figures/*.png`` and ``report.html``."""
 
 import re
 from collections.abc import Mapping
@@ -9,15 +9,29 @@ import polars
 
 from jaxmodel.errors import InputError
 from jaxmodel.io.results import RunDir
+from jaxmodel.run.faults import fault_tables
+from jaxmodel.run.provenance import facts
 from jaxmodel.run.published import COLUMNS, published_lines
 from jaxmodel.run.scene import read_scene
+from jaxmodel.view.table import Table
 
 _DRAWN = polars.selectors.by_name(
     "pair", "control_points", "error", "rotation_error_deg", "right", "plateau", require_all=False
 )
 
 
-def redraw(folder: RunDir, summary: Mapping[str, Any]) -> list[str]:
+def tables(summary: Mapping[str, Any], command: str) -> list[Table]:
+    """The sweeps, the two claims where they were tested, and *published | ours* where there is something beside it."""
+    found = [Table(f"Convergence of {summary['method']}", CASE_COLUMNS, [case_line(c) for c in summary["cases"]])]
+    claims = claim_lines(summary)
+    if claims:
+        found.append(Table("Two claims of thesis §2.9.2", CLAIM_COLUMNS, claims))
+    if any(row["ours"] for row in summary["published"]):
+        found.append(Table("Published | ours | command", COLUMNS, published_lines(summary["published"], command)))
+    return found
+
+
+def draw(folder: RunDir, summary: Mapping[str, Any]) -> list[str]:
     """Draw every figure and the report from what the folder holds; the list of figures, relative to it."""
     path = folder.path / "results.parquet"
     try:
@@ -26,7 +40,7 @@ def redraw(folder: RunDir, summary: Mapping[str, Any]) -> list[str]:
         raise InputError(f"{path}: not readable as a table ({error})") from None
     manifest, scene = folder.read_json("manifest.json"), read_scene(folder.path / "scene.npz")
     from jaxmodel.view import figures
-    from jaxmodel.view.report import Table, render_report
+    from jaxmodel.view.report import render_report
 
     views, written = [], []
     for number, pair in enumerate(scene["pairs"].tolist()):
@@ -47,14 +61,8 @@ def redraw(folder: RunDir, summary: Mapping[str, Any]) -> list[str]:
             written.append(f"figures/{stem}-{name}.png")
     pairs = len({case["pair"] for case in summary["cases"]})
     note = f"The first {len(views)} of {pairs} pairs are drawn." if len(views) < pairs else ""
-    tables = [Table("Sweeps", CASE_COLUMNS, [case_line(case) for case in summary["cases"]])]
-    if any(row["ours"] for row in summary["published"]):
-        tables.insert(
-            0, Table("Published and ours", COLUMNS, published_lines(summary["published"], manifest["command"]))
-        )
-    if any(case.get("claims") for case in summary["cases"]):
-        tables.append(Table("Two claims of thesis §2.9.2", CLAIM_COLUMNS, claim_lines(summary)))
-    page = render_report(f"Convergence of {summary['method']}", _facts(summary, manifest), tables, views, note)
+    shown = [*tables(summary, manifest["command"]), *fault_tables(summary)]
+    page = render_report(f"Convergence of {summary['method']}", _facts(summary, manifest), shown, views, note)
     folder.write("report.html", page.encode())
     return written
 
@@ -125,7 +133,6 @@ def _coherence(found: Mapping[str, Any] | None) -> str:
 
 
 def _facts(summary: Mapping[str, Any], manifest: Mapping[str, Any]) -> dict[str, str]:
-    device, versions = manifest["device"], manifest["versions"]
     means = [case["right_means"] for case in summary["cases"] if "right_means" in case]
     right = "the truth is unknown"
     if means:
@@ -136,11 +143,8 @@ def _facts(summary: Mapping[str, Any], manifest: Mapping[str, Any]) -> dict[str,
             "(unit of the data)"
         )
     return {
-        "command": manifest["command"],
+        **facts(manifest),
         "method": summary["method"],
-        "seed": str(manifest["seed"]),
-        "device": f"{device['devices']} x {device['kind']} ({device['machine']})",
-        "versions": ", ".join(f"{name} {version}" for name, version in versions.items()),
         "right means": right,
         "converged means": "right, or in the plateau where the truth is unknown",
     }

@@ -64,6 +64,17 @@ def manifest(experiment: str, resolved: Mapping[str, Any], inputs: Mapping[str, 
     }
 
 
+def facts(manifest: Mapping[str, Any]) -> dict[str, str]:
+    """Where a run's numbers came from, as the short list on top of its report."""
+    device = manifest["device"]
+    return {
+        "command": manifest["command"],
+        "seed": str(manifest["seed"]),
+        "device": f"{device['devices']} x {device['kind']} ({device['machine']})",
+        "versions": ", ".join(f"{name} {version}" for name, version in manifest["versions"].items()),
+    }
+
+
 def check_same(old: Mapping[str, Any], new: Mapping[str, Any], where: Path) -> None:
     """Refuse to continue a run whose configuration, inputs or decisive versions differ, naming the first difference."""
     for key, was, now in _differences(old.get("config", {}), new["config"]):

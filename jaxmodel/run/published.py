@@ -6,6 +6,11 @@ from typing import Any
 from jaxmodel.io.strict_yaml import config_files, read_yaml
 
 
+def published_table(name: str) -> dict[str, Any]:
+    """A published table, typed in under ``configs/published``."""
+    return read_yaml(config_files() / "published" / f"{name}.yaml")
+
+
 def published_rows(cases: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Published success rates beside ours.
 
@@ -17,7 +22,7 @@ def published_rows(cases: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
         pooled counts ``all_pairs`` and ``pairs_with_success``: pairs where at least one kind ever converged, as the
         thesis counts). ``ours`` is empty where nothing of that family was run.
     """
-    data = read_yaml(config_files() / "published" / "convergence.yaml")
+    data = published_table("convergence")
     known = [case for case in cases if case.get("success")]
     converged = {case["pair"] for case in known if case["success"]["count"]}
     rows = []

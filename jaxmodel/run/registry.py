@@ -1,18 +1,31 @@
-"""Which experiments there are: the word after ``experiment:`` in a YAML, and the module that runs it."""
+"""Which experiments there are: the word after ``experiment:`` in a YAML, and the module that runs it.
+
+A module of an experiment holds ``Config`` (a frozen dataclass, the YAML), ``prepare(config)`` (reads and checks), and
+two functions of what a finished run left: ``tables(summary, command)`` and ``draw(folder, summary)``.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from importlib import import_module
-from typing import Any
+from typing import Any, Protocol, cast, runtime_checkable
 
 from jaxmodel.errors import InputError
 from jaxmodel.io.results import RunDir
 from jaxmodel.io.strict_yaml import structure
 from jaxmodel.io.structuring import nearest, show
 from jaxmodel.run.console import Progress
+from jaxmodel.view.table import Table
 
-EXPERIMENTS = {"convergence": "jaxmodel.run.convergence"}
-"""Name -> module holding a ``Config`` class and ``prepare(config)``, imported when asked for."""
+EXPERIMENTS = {
+    "convergence": "jaxmodel.run.convergence",
+    "resolution": "jaxmodel.run.resolution",
+    "overlap": "jaxmodel.run.overlap",
+    "iterations": "jaxmodel.run.iterations",
+    "user_starts": "jaxmodel.run.user_starts",
+    "cylinder": "jaxmodel.run.cylinder",
+    "global_table": "jaxmodel.run.global_table",
+}
+"""Name -> module with the members of ``Experiment``, imported when asked for."""
 
 
 class Prepared(ABC):
@@ -26,7 +39,34 @@ class Prepared(ABC):
 
     @abstractmethod
     def execute(self, folder: RunDir, progress: Progress) -> dict[str, Any]:
-        """Run (or go on), write the results into the folder and return the summary."""
+        """Run (or go on), write all files of the folder, ``summary.json`` last, and return the summary.
+
+        The summary has ``experiment`` (the name in ``EXPERIMENTS``) and ``figures`` (what ``draw`` returned).
+        """
+
+
+@runtime_checkable
+class Experiment(Protocol):
+    """What the module of an experiment holds."""
+
+    Config: type[Any]
+
+    def prepare(self, config: Any) -> Prepared:
+        """Read and check everything ``config`` names."""
+        ...
+
+    def tables(self, summary: Mapping[str, Any], command: str) -> list[Table]:
+        """The tables of a finished run, *published | ours* last; ``command`` is the line that made it."""
+        ...
+
+    def draw(self, folder: RunDir, summary: Mapping[str, Any]) -> list[str]:
+        """Write ``figures/*.png`` and ``report.html`` from the folder alone; the figures' names, relative to it."""
+        ...
+
+
+def experiment_module(name: str) -> Experiment:
+    """The module of a known experiment."""
+    return cast(Experiment, import_module(EXPERIMENTS[name]))
 
 
 def load_experiment(raw: Mapping[str, Any], where: str) -> tuple[str, Any]:
@@ -36,9 +76,9 @@ def load_experiment(raw: Mapping[str, Any], where: str) -> tuple[str, Any]:
     name = raw["experiment"]
     if name not in EXPERIMENTS:
         raise InputError(f"{where}: experiment: unknown experiment {show(name)}, {nearest(name, list(EXPERIMENTS))}")
-    return name, structure(raw, import_module(EXPERIMENTS[name]).Config, where)
+    return name, structure(raw, experiment_module(name).Config, where)
 
 
 def prepare_experiment(name: str, config: Any) -> Prepared:
     """Read and check everything the experiment needs, before its folder is made."""
-    return import_module(EXPERIMENTS[name]).prepare(config)
+    return experiment_module(name).prepare(config)

@@ -46,6 +46,14 @@ def spacing(image: RangeImage) -> float:
     return max(medians) if medians else float("nan")
 
 
+def pixel_spacings(image: RangeImage) -> Float[np.ndarray, "h w"]:
+    """The distance, at each pixel, between neighbours on a surface that faces the sensor; NaN where not valid.
+
+    Unit of the data: :func:`spacing`, for a pinhole image times the pixel's range.
+    """
+    return np.where(image.valid, spacing(image) * _reach(image), np.nan)
+
+
 def borders(image: RangeImage, jump: float = JUMP) -> Bool[np.ndarray, "h w"]:
     """Valid pixels one of whose four neighbours is outside the image, without reading, or across a depth jump.
 
@@ -161,7 +169,7 @@ def _reach(image: RangeImage) -> Float[np.ndarray, "h w"]:
 
 def _jump_limit(image: RangeImage, jump: float) -> Float[np.ndarray, "h w"]:
     """The largest distance, at each pixel, that still counts as the same surface."""
-    return jump * spacing(image) * _reach(image)
+    return jump * pixel_spacings(image)
 
 
 def _shifted_pair(array: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:

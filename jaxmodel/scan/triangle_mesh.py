@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from itertools import combinations
+from typing import Literal
 
 import equinox as eqx
 import numpy as np
@@ -38,6 +39,12 @@ def unit_sized(mesh: ObjectMesh) -> ObjectMesh:
     """``mesh`` with its bounding box centred on the origin and the box's longest side 1."""
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     return ObjectMesh(vertices=(mesh.vertices - (low + high) / 2) / (high - low).max(), faces=mesh.faces)
+
+
+def upright(mesh: ObjectMesh, up: Literal["x", "y", "z"]) -> ObjectMesh:
+    """``mesh`` turned by whole quarters so that its axis ``up`` becomes z."""
+    order = {"x": [1, 2, 0], "y": [2, 0, 1], "z": [0, 1, 2]}[up]
+    return ObjectMesh(vertices=mesh.vertices[:, order], faces=mesh.faces)
 
 
 def placed(mesh: ObjectMesh, z_axis: Place, origin: Place) -> ObjectMesh:

@@ -37,17 +37,17 @@ class IterationCurve(NamedTuple):
 
 def sorted_error(title: str, curves: list[SweepCurve]) -> bytes:
     """ICP error of all starts in rising order, one panel for each kind of points (Fig. 2.34)."""
-    figure, panels = _panels(1, len(curves))
+    figure, panels = grid_of_axes(1, len(curves))
     for axes, curve in zip(panels[0], curves, strict=True):
         _sorted_panel(axes, curve)
         axes.set_title(f"{title}, {curve.label}: {int(curve.good.sum())} of {len(curve.good)} converge")
-    return _png(figure)
+    return png_bytes(figure)
 
 
 def error_beside_truth(title: str, curves: list[SweepCurve]) -> bytes:
     """Sorted ICP error, and in the same order the true rotation error (Fig. 2.38), where it is known."""
     known = [curve for curve in curves if curve.rotation_error_deg is not None]
-    figure, panels = _panels(max(len(known), 1), 2)
+    figure, panels = grid_of_axes(max(len(known), 1), 2)
     for (left, right), curve in zip(panels, known, strict=False):
         order = _sorted_panel(left, curve)
         left.set_title(f"{title}, {curve.label}: {int(curve.good.sum())} of {len(curve.good)} converge")
@@ -59,7 +59,7 @@ def error_beside_truth(title: str, curves: list[SweepCurve]) -> bytes:
         right.set(xlabel="start, in the order of the ICP error", ylabel="true rotation error (degree)", ylim=(0, 185))
         right.set_title("the same order, error against the truth")
         right.set_yticks(range(0, 181, 30))
-    return _png(figure)
+    return png_bytes(figure)
 
 
 def start_sphere(title: str, directions: Float[np.ndarray, "s 3"], curves: list[SweepCurve]) -> bytes:
@@ -91,12 +91,12 @@ def start_sphere(title: str, directions: Float[np.ndarray, "s 3"], curves: list[
         plot.set_box_aspect((1, 1, 1), zoom=1.35)
         plot.set_axis_off()
         plot.set_title(name, fontsize=10)
-    return _png(figure)
+    return png_bytes(figure)
 
 
 def iterations(title: str, curves: list[IterationCurve]) -> bytes:
     """Error and sharing rate at each iteration, strategy changes as dashed lines (Fig. 2.23)."""
-    figure, panels = _panels(1, len(curves))
+    figure, panels = grid_of_axes(1, len(curves))
     for axes, curve in zip(panels[0], curves, strict=True):
         step = np.arange(1, len(curve.error) + 1)
         scale, unit = _scaled(curve.error)
@@ -114,7 +114,7 @@ def iterations(title: str, curves: list[IterationCurve]) -> bytes:
             place = {"transform": axes.get_xaxis_transform(), "rotation": 90, "fontsize": 7}
             axes.text(change, 0.99, name, ha="left", va="top", **place)
         axes.set_title(f"{title}, {curve.label}")
-    return _png(figure)
+    return png_bytes(figure)
 
 
 def switches(strategy: Int[np.ndarray, " n"]) -> list[int]:
@@ -149,8 +149,8 @@ def _scaled(error: Float[np.ndarray, " n"]) -> tuple[float, str]:
     return 10.0**-power, f"$10^{{{power}}}$ unit of the data" if power else "unit of the data"
 
 
-def _panels(rows: int, columns: int) -> tuple[Figure, Any]:
-    """A grid of axes with fixed margins: laying them out by trial costs more than drawing them."""
+def grid_of_axes(rows: int, columns: int) -> tuple[Figure, Any]:
+    """An empty figure and its axes, with fixed margins: laying them out by trial costs more than drawing them."""
     width, height, left, gap, bottom, top = 5.4, 3.8, 0.75, 1.5, 0.55, 0.4
     figure = Figure(figsize=(width * columns, height * rows))
     panels = figure.subplots(rows, columns, squeeze=False)
@@ -163,7 +163,8 @@ def _panels(rows: int, columns: int) -> tuple[Figure, Any]:
     return figure, panels
 
 
-def _png(figure: Figure) -> bytes:
+def png_bytes(figure: Figure) -> bytes:
+    """The figure as PNG, the same bytes for the same drawing."""
     FigureCanvasAgg(figure)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=110, metadata={"Software": None})

@@ -4,26 +4,28 @@ The plotting library is written into the file once; arrays go in with five digit
 cleared when closed, so a browser's limit on 3D views is never met.
 """
 
+import base64
 import html
 import json
 import re
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
-from typing import Any, NamedTuple
+from typing import Any
 
+from jaxmodel.view.chart_drawing import panel_plot
+from jaxmodel.view.charts import Chart, Picture
 from jaxmodel.view.report_plots import PairView, pair_plots
+from jaxmodel.view.table import Table
 
-
-class Table(NamedTuple):
-    """A table of text."""
-
-    title: str
-    columns: Sequence[str]
-    rows: Sequence[Sequence[str]]
+__all__ = ["Table", "render_report"]
 
 
 def render_report(
-    title: str, facts: Mapping[str, str], tables: Sequence[Table], pairs: Sequence[PairView], note: str = ""
+    title: str,
+    facts: Mapping[str, str],
+    tables: Sequence[Table],
+    sections: Sequence[PairView | Chart | Picture],
+    note: str = "",
 ) -> str:
     """The whole page as HTML text; it loads nothing from anywhere.
 
@@ -31,20 +33,20 @@ def render_report(
         title: heading of the page.
         facts: name -> value, shown as a short list on top.
         tables: shown in order above the plots.
-        pairs: one folding section each, the first one open.
+        sections: one folding section each, the first one open.
         note: a sentence under the last section.
     """
     from plotly.offline import get_plotlyjs
 
     plots: dict[str, Any] = {}
     body = [f"<h1>{html.escape(title)}</h1>", _facts(facts), *(_table(table) for table in tables)]
-    for number, pair in enumerate(pairs):
-        drawn = {f"pair{number}-{name}": plot for name, plot in pair_plots(pair).items()}
+    for number, section in enumerate(sections):
+        name, drawn, content = _section(number, section)
         plots |= drawn
-        boxes = "".join(f'<div class="plot" id="{name}"></div>' for name in drawn)
+        boxes = "".join(f'<div class="plot" id="{plot}"></div>' for plot in drawn)
         state = " open" if number == 0 else ""
-        summary = f"<summary>{html.escape(pair.name)}</summary>"
-        body.append(f'<details{state}>{summary}<div class="plots">{boxes}</div></details>')
+        summary = f"<summary>{html.escape(name)}</summary>"
+        body.append(f'<details{state}>{summary}<div class="plots">{boxes}</div>{content}</details>')
     body.append(f"<p>{html.escape(note)}</p>")
     parts = {
         "TITLE": html.escape(title),
@@ -54,6 +56,19 @@ def render_report(
     }
     page = (files("jaxmodel.view") / "report_template.html").read_text(encoding="utf-8")
     return re.sub(r"\{\{([A-Z]+)\}\}", lambda found: parts[found.group(1)], page)
+
+
+def _section(number: int, section: PairView | Chart | Picture) -> tuple[str, dict[str, Any], str]:
+    """Its name, its plots by the name of their box, and further HTML."""
+    match section:
+        case PairView():
+            return section.name, {f"pair{number}-{name}": plot for name, plot in pair_plots(section).items()}, ""
+        case Chart():
+            drawn = {f"chart{number}-{i}": panel_plot(panel) for i, panel in enumerate(section.panels)}
+            return section.title, drawn, ""
+        case Picture():
+            data = base64.b64encode(section.png).decode()
+            return section.title, {}, f'<img alt="{html.escape(section.title)}" src="data:image/png;base64,{data}">'
 
 
 def _facts(facts: Mapping[str, str]) -> str:

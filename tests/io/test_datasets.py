@@ -5,9 +5,10 @@ import pytest
 from scipy.spatial import KDTree
 
 from jaxmodel.errors import InputError
-from jaxmodel.io.datasets import FilePair, ObjectViews, StanfordBunny, data_root
+from jaxmodel.io.datasets import FilePair, MeshViews, ObjectViews, StanfordBunny, data_root, mesh_file
 from jaxmodel.io.poses import save_transform
 from jaxmodel.scan.noise import Stereo
+from jaxmodel.scan.objects import object_mesh
 from jaxmodel.scan.range_image import RangeImage
 from jaxmodel.scan.sensor import Sensor
 
@@ -96,6 +97,29 @@ def test_unknown_objects_and_views_are_refused():
         ObjectViews("gourd", (0.0, 0.0))
     with pytest.raises(InputError, match="at least one angle"):
         ObjectViews("gourd", ())
+
+
+def test_views_of_any_mesh_are_those_of_the_object_with_the_same_mesh():
+    mine = MeshViews("mine", object_mesh("gourd"), (10.0, 50.0), SMALL, Stereo(), seed=5)
+    known = ObjectViews("gourd", (10.0, 50.0), SMALL, Stereo(), seed=5)
+    assert mine.names == ("mine010", "mine050") and mine.has_truth
+    for view, other in zip(mine.names, known.names, strict=True):
+        np.testing.assert_array_equal(mine.scan(view).points, known.scan(other).points)
+    np.testing.assert_array_equal(mine.T_target_source(*mine.names), known.T_target_source(*known.names))
+
+
+def test_a_mesh_file_is_a_path_or_a_name_in_the_data_folder(tmp_path, monkeypatch):
+    (tmp_path / "meshes").mkdir()
+    for name in ("nut.obj", "cow.ply", "notes.txt"):
+        (tmp_path / "meshes" / name).write_text("")
+    monkeypatch.setenv("JAXMODEL_DATA", str(tmp_path))
+    assert mesh_file("nut") == tmp_path / "meshes" / "nut.obj"
+    assert mesh_file(tmp_path / "meshes" / "cow.ply") == tmp_path / "meshes" / "cow.ply"
+    with pytest.raises(InputError, match=r"no mesh file 'notes'.*there are cow, nut"):
+        mesh_file("notes")
+    monkeypatch.setenv("JAXMODEL_DATA", str(tmp_path / "meshes"))
+    with pytest.raises(InputError, match="no meshes were found, set JAXMODEL_DATA"):
+        mesh_file("nut")
 
 
 def write_pair(folder):

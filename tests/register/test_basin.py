@@ -148,3 +148,17 @@ def test_thesis_method_on_real_scans(data_dir: Path) -> None:
 
     apart = sweep(clouds["bun180"], target, even_starts(clouds["bun180"].points, target.points, 250), "thesis_2005")
     assert not basin.plateau(apart, target.points.mean(axis=0), size).found
+
+
+def test_axis_and_angle_errors_are_those_of_the_rotation_between_the_views() -> None:
+    """A turn of 40 degrees about z is the truth; wrong by 3 degrees about it, then with the axis tilted by 10."""
+    axis, tilted = np.array([0.0, 0.0, 1.0]), np.array([0.0, np.sin(np.radians(10)), np.cos(np.radians(10))])
+    rotvecs = np.radians([40 * axis, 43 * axis, 40 * tilted, 37 * tilted, -40 * axis])
+    made = made_sweep(rotvecs, np.zeros((5, 3)), np.ones(5))
+    poses = np.concatenate([made.T_target_source, np.full((1, 4, 4), np.nan)])
+    truth = np.eye(4)
+    truth[:3, :3] = Rotation.from_rotvec(np.radians(40) * axis).as_matrix()
+    axis_error, angle_error = basin.axis_angle_errors(poses, truth)
+    chord = 2 * np.sin(np.radians(5))
+    assert np.allclose(axis_error[:5], [0, 0, chord, chord, 2], atol=1e-9) and np.isinf(axis_error[5])
+    assert np.allclose(angle_error[:5], [0, 3, 0, 3, 0], atol=1e-9) and np.isinf(angle_error[5])

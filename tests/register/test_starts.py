@@ -6,7 +6,15 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from jaxmodel.geometry.se3 import is_rigid, quaternion_distance, rotation_to_quaternion
-from jaxmodel.register.starts import euler_rotations, euler_starts, even_rotations, even_starts, starts_from_rotations
+from jaxmodel.register.basin import truth_errors
+from jaxmodel.register.starts import (
+    euler_rotations,
+    euler_starts,
+    even_rotations,
+    even_starts,
+    plausible_starts,
+    starts_from_rotations,
+)
 
 
 def distinct(rotations: np.ndarray) -> int:
@@ -106,3 +114,29 @@ def test_starts_move_with_the_target() -> None:
     elsewhere = starts_from_rotations(rotations, target, source + shift)
     moved = elsewhere[:, :3, :3] @ (source[0] + shift) + elsewhere[:, :3, 3]
     np.testing.assert_allclose(moved, here[:, :3, :3] @ source[0] + here[:, :3, 3], atol=1e-12)
+
+
+TRUTH = np.eye(4)
+TRUTH[:3, :3] = Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix()
+TRUTH[:3, 3] = [500.0, -20.0, 3.0]
+CENTROID = np.array([-300.0, 40.0, 7.0])
+
+
+def test_plausible_starts_have_the_stated_angles_and_shifts() -> None:
+    starts = plausible_starts(TRUTH, CENTROID, 4000, 0, spread_deg=20.0, shift=3.0)
+    errors = truth_errors(starts, TRUTH, CENTROID)
+    assert all(is_rigid(start) for start in starts[:50])
+    assert np.median(errors.rotation_deg) == pytest.approx(0.674 * 20, rel=0.05)  # half-normal law
+    assert np.mean(errors.rotation_deg > 40) == pytest.approx(0.0455, abs=0.012)
+    assert errors.translation.max() <= 3.0 + 1e-9
+    assert np.median(errors.translation) == pytest.approx(3.0 * 0.5 ** (1 / 3), rel=0.03)  # uniform in a ball
+    axes = Rotation.from_matrix(starts[:, :3, :3] @ TRUTH[:3, :3].T).as_rotvec()
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    assert np.allclose(axes.T @ axes / len(axes), np.eye(3) / 3, atol=0.03)  # no favoured axis
+
+
+def test_a_plausible_start_is_the_same_alone_and_in_a_batch() -> None:
+    many = plausible_starts(TRUTH, CENTROID, 20, 3, spread_deg=60.0, shift=1.0, most_deg=70.0)
+    assert np.array_equal(plausible_starts(TRUTH, CENTROID, 7, 3, 60.0, 1.0, 70.0), many[:7])
+    assert not np.allclose(plausible_starts(TRUTH, CENTROID, 7, 4, 60.0, 1.0, 70.0), many[:7])
+    assert truth_errors(many, TRUTH, CENTROID).rotation_deg.max() <= 70.0 + 1e-6

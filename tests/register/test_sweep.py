@@ -12,7 +12,9 @@ from jaxmodel.errors import InputError
 from jaxmodel.geometry.se3 import rotation_angle_deg
 from jaxmodel.lanes import Engine
 from jaxmodel.register import IcpMethod, Outcome, Strategy, Sweep, register, sweep, sweep_chunks
+from jaxmodel.register.problem import prepare
 from jaxmodel.register.starts import even_starts
+from jaxmodel.register.sweep import sweep_prepared
 from tests.register.conftest import Pair, moved, small
 
 THESIS = small("thesis_2005")
@@ -280,3 +282,12 @@ def test_lanes_and_chunks_may_be_any_positive_number(exact_pair: Pair, starts: n
     given = Engine("cores", chunk=3)
     three = sweep(exact_pair.target, exact_pair.source, starts[:4], limited("point_to_point", 5), engine=given)
     assert len(three) == 4
+
+
+def test_a_pair_made_ready_once_gives_the_same_sweep(
+    resampled_pair: Pair, starts: np.ndarray, whole: Sweep
+) -> None:
+    ready, engine = prepare(resampled_pair.target, resampled_pair.source, THESIS), Engine("cores", chunk=40)
+    assert_same(gathered(sweep_prepared(ready, starts, THESIS, engine), 40), whole)
+    (chunk,) = sweep_prepared(ready, starts[:7], THESIS, engine)
+    assert_same(chunk[2], jax.tree.map(lambda leaf: leaf[:7], whole))

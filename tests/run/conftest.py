@@ -1,10 +1,12 @@
 """The command as a user starts it: its own process, its own folder."""
 
+import json
 import os
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -45,5 +47,38 @@ def refused(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pyt
         assert shown.out == ""
         assert sorted(tmp_path.rglob("*")) == before
         return shown.err
+
+    return run
+
+
+def small_study(experiment: str, **changes: Any) -> dict[str, Any]:
+    """The YAML of a study that takes a second: one polyhedron, one smooth object, all kernels of one shape."""
+    kinds = [{"kind": "contours", "labels": ["crease", "depth", "border"]}, {"kind": "vertices"}]
+
+    def group(name: str, stands_for: str) -> dict[str, Any]:
+        sensor = {"width": 80, "height": 80}
+        scans = {"kind": "objects", "names": [name], "views_deg": [0, 20], "turns_deg": [0, 90], "sensor": sensor}
+        return {"scans": scans, "control_points": kinds, "stands_for": stands_for}
+
+    return {
+        "experiment": experiment,
+        "groups": [group("block_steps", "BLOCK2"), group("torso", "HAPPY")],
+        "counts": [120],
+        "starts": {"count": 4, "spread_deg": 10, "shift_of_size": 0.05},
+        "method": {"cells": 32, "clusters": 10, "max_iterations": 30},
+        "resamples": 100,
+        **changes,
+    }
+
+
+@pytest.fixture(scope="module")
+def run_study(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """Run a study given as a tree, with further words for the command; its folder."""
+
+    def run(tree: dict[str, Any], *words: str) -> Path:
+        folder = tmp_path_factory.mktemp("study")
+        (folder / "study.yaml").write_text(json.dumps(tree))
+        assert execute(["run", str(folder / "study.yaml"), *words, "--out", str(folder / "out")]) == 0
+        return folder / "out"
 
     return run

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from jaxmodel.errors import InputError
@@ -94,6 +95,12 @@ def test_bad_override_is_the_same_sentence(refused: Callable[..., str]) -> None:
     assert "engine.chnuk: unknown key, did you mean 'chunk'?" in sentence
 
 
+def test_labels_of_contours_are_checked_in_a_config(refused: Callable[..., str]) -> None:
+    first = ("run", "quickstart", "--control_points.0.kind", "contours", "--out", "out", "--control_points.0.labels")
+    assert "control_points.0.labels.1: got the text 'valley'" in refused(*first, "[crease, valley]")
+    assert "labels is empty" in refused(*first, "[]")
+
+
 def test_existing_folder_without_resume(refused: Callable[..., str], tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     assert "already exists" in refused("run", "quickstart", "--out", "out")
@@ -120,9 +127,32 @@ def test_sweep_faults(refused: Callable[..., str], tmp_path: Path) -> None:
     assert "absent.ply" in refused("sweep", "a.xyz", "absent.ply", "--out", "out")
     assert "bad.txt" in refused("sweep", "a.xyz", "a.xyz", "--truth", "bad.txt", "--out", "out")
     assert "bad.txt" in refused("register", "a.xyz", "a.xyz", "--init", "bad.txt", "--out", "out")
-    assert "this cloud has no grid" in refused(
-        "sweep", "a.xyz", "a.xyz", "--control-points", "vertices", "--out", "out"
-    )
+    for kind in ("vertices", "contours", "split_vertices"):
+        words = ("sweep", "a.xyz", "a.xyz", "--control-points", kind, "--out", "out")
+        assert "this cloud has no grid" in refused(*words)
+
+
+def grid_file(path: Path, z: np.ndarray) -> None:
+    row, column = np.indices(z.shape)
+    np.savez(path, points=np.stack([column, row, z], axis=-1).astype(float))
+
+
+def test_contour_faults(refused: Callable[..., str], tmp_path: Path) -> None:
+    flat, missing = np.full((20, 30), 50.0), np.full((20, 30), np.nan)
+    for name, z in (("flat", flat), ("missing", missing), ("row", flat[:1])):
+        grid_file(tmp_path / f"{name}.npz", z)
+    contours = ("--control-points", "contours", "--out", "out")
+    for command in ("sweep", "register"):
+        sentence = refused(command, "flat.npz", "flat.npz", *contours)
+        assert "no crease contour" in sentence and "single smooth surface" in sentence
+        assert "no crease contour" in refused(command, "row.npz", "row.npz", *contours)
+        assert "missing" in refused(command, "missing.npz", "missing.npz", *contours)
+        twice = refused(command, "flat.npz", "flat.npz", *contours, "--labels", "crease", "crease")
+        assert "labels names one kind of edge twice" in twice
+        alone = refused(command, "flat.npz", "flat.npz", "--labels", "depth", "--out", "out")
+        assert "--labels needs --control-points contours, not subsample" in alone
+    assert execute(["sweep", "flat.npz", "flat.npz", *contours, "--labels", "valley"]) == 2
+    assert execute(["sweep", "flat.npz", "flat.npz", *contours, "--labels"]) == 2
 
 
 def test_report_of_no_run(refused: Callable[..., str], tmp_path: Path) -> None:

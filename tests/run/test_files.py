@@ -11,6 +11,8 @@ from scipy.spatial.transform import Rotation
 from jaxmodel.register.basin import truth_errors
 from jaxmodel.run.cli import execute
 from jaxmodel.scan.objects import object_mesh
+from jaxmodel.scan.sensor import Sensor
+from jaxmodel.scan.virtual_scanner import scan_mesh, turntable_poses
 
 pytestmark = pytest.mark.xdist_group("files")
 METHOD = ("--method", "point_to_point", "--count", "5000")  # all points, so both scans hold the same ones
@@ -76,3 +78,29 @@ def test_sweep_of_files_finds_the_motion_among_its_starts_whatever_the_chunk(
     wrong = table.filter(~polars.col("right"))
     assert wrong["error"].min() > 5 * case["best"]["error"]
     assert case["plateau"]["found"] and case["plateau"]["precision"] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("kind", "labels"),
+    [("contours", ("crease",)), ("contours", ("crease", "depth", "border")), ("split_vertices", None)],
+)
+def test_register_by_contours_and_split_vertices_of_range_images(
+    kind: str, labels: tuple[str, ...] | None, tmp_path: Path
+) -> None:
+    mesh, (T_world_sensor,) = object_mesh("block_steps"), turntable_poses([30.0], 3.0, 25.0)
+    image = scan_mesh(mesh.vertices, mesh.faces, Sensor(width=150, height=150), T_world_sensor)
+    np.savez(tmp_path / "scan.npz", points=image.points)
+    off = np.eye(4)
+    off[:3, :3] = Rotation.from_rotvec(np.radians([2.0, -1.0, 2.0])).as_matrix()
+    centre = image.points[image.valid].mean(axis=0)
+    off[:3, 3] = centre - off[:3, :3] @ centre
+    np.savetxt(tmp_path / "guess.txt", off)
+    scan, out = str(tmp_path / "scan.npz"), tmp_path / "out"
+    chosen = ("--control-points", kind, "--count", "150") + (("--labels", *labels) if labels else ())
+    words = ["register", scan, scan, *chosen, "--init", str(tmp_path / "guess.txt"), "--out", str(out)]
+    assert execute(words) == 0
+    found = np.array(json.loads((out / "transform.json").read_text())["T_target_source"])
+    errors = truth_errors(found[None], np.eye(4), centre)
+    assert errors.rotation_deg[0] < 0.05 and errors.translation[0] < 1e-3
+    (node,) = json.loads((out / "manifest.json").read_text())["config"]["control_points"]
+    assert node["kind"] == kind and node["count"] == 150 and node.get("labels") == (list(labels) if labels else None)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxmodel.scan.triangle_mesh import ObjectMesh, box, icosphere, join, lathe, placed, ring, unit_sized
+from jaxmodel.scan.triangle_mesh import ObjectMesh, box, icosphere, join, lathe, placed, ring, unit_sized, upright
 
 
 def volume(mesh: ObjectMesh) -> float:
@@ -46,3 +46,10 @@ def test_joined_parts_add_up_and_unit_size_is_one():
     small = unit_sized(mesh)
     assert small.size() == 1.0
     np.testing.assert_allclose(small.vertices.min(axis=0), -small.vertices.max(axis=0))
+
+
+@pytest.mark.parametrize(("up", "heights"), [("x", (1, 2)), ("y", (2, 4)), ("z", (3, 6))])
+def test_upright_brings_the_named_axis_to_z_by_a_rotation(up, heights):
+    mesh = upright(box((1, 2, 3), (2, 4, 6)), up)
+    assert (mesh.vertices[:, 2].min(), mesh.vertices[:, 2].max()) == heights
+    assert volume(mesh) == pytest.approx(6.0)  # a mirror image would have the sign turned

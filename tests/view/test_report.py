@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 
+from jaxmodel.view.charts import Chart, Panel, Picture, Series
 from jaxmodel.view.figures import IterationCurve, SweepCurve
 from jaxmodel.view.report import Table, render_report
 from jaxmodel.view.report_plots import PairView, pair_plots
@@ -78,3 +79,15 @@ def test_many_starts_are_thinned() -> None:
         max(len(trace["x"]) for plot in ("sphere", "sorted", "truth") for trace in pair_plots(pair)[plot]["data"])
         <= 3000
     )
+
+
+def test_charts_and_pictures_are_sections_too() -> None:
+    panels = [Panel(f"panel {i}", "x", "y", [Series("a", [1, 2], [3, 4])]) for i in range(2)]
+    page = render_report("t", {}, [], [view(), Chart("c", "a chart", panels), Picture("a <picture>", b"\x89PNG")])
+    found = re.search(r'<script id="plots" type="application/json">(.*?)</script>', page, re.S)
+    assert found is not None
+    plots = json.loads(found.group(1))
+    assert [name for name in plots if name.startswith("chart")] == ["chart1-0", "chart1-1"]
+    assert plots["chart1-1"]["layout"]["title"]["text"] == "panel 1"
+    assert all(f'id="{name}"' in page for name in plots)
+    assert "a chart" in page and "a &lt;picture&gt;" in page and 'src="data:image/png;base64,iVBORw==' in page

@@ -1,0 +1,116 @@
+"""Charts drawn: as PNG with matplotlib, and as plain plotly trees for the report."""
+
+from collections.abc import Sequence
+from itertools import cycle
+from typing import Any
+
+import numpy as np
+
+from jaxmodel.view.charts import Chart, Panel
+from jaxmodel.view.figures import grid_of_axes, png_bytes
+
+COLORS = ("#1666b0", "#c8511b", "#3a923a", "#8e5ea2", "#7f7f7f", "#b8860b")
+_GROUP = 0.8
+"""Share of a category's width that its bars fill together."""
+
+
+def chart_png(chart: Chart) -> bytes:
+    """The chart as PNG: three panels a row at most, the same bytes for the same data."""
+    columns = min(len(chart.panels), 3)
+    rows = -(-len(chart.panels) // columns)
+    figure, axes = grid_of_axes(rows, columns)
+    flat: list[Any] = [one for row in axes for one in row]
+    for one, panel in zip(flat, chart.panels, strict=False):
+        _draw(one, panel)
+    for spare in flat[len(chart.panels) :]:
+        spare.set_axis_off()
+    return png_bytes(figure)
+
+
+def _draw(axes: Any, panel: Panel) -> None:
+    names = _names(panel)
+    for number, (series, color) in enumerate(zip(panel.series, cycle(COLORS), strict=False)):
+        y = np.array(series.y, dtype=float)
+        place = np.arange(len(y), dtype=float) if names else np.array(series.x, dtype=float)
+        spread = None
+        if series.low is not None and series.high is not None:
+            bounds = np.stack([y - np.array(series.low, dtype=float), np.array(series.high, dtype=float) - y])
+            spread = np.clip(np.nan_to_num(bounds), 0, None)
+        if series.style == "bars":
+            width = _GROUP / len(panel.series)
+            shift = (number - (len(panel.series) - 1) / 2) * width
+            axes.bar(place + shift, np.nan_to_num(y), width, color=color, label=series.label)
+            if spread is not None:
+                axes.errorbar(place + shift, y, yerr=spread, fmt="none", ecolor="black", capsize=2, lw=0.8)
+        else:
+            look = "o-" if series.style == "line" and len(y) <= 40 else "-" if series.style == "line" else "o"
+            axes.errorbar(place, y, yerr=spread, fmt=look, color=color, ms=3, lw=1.2, capsize=2, label=series.label)
+    axes.set(xlabel=panel.x, ylabel=panel.y)
+    axes.set_title(panel.title, fontsize=10)
+    if names:
+        axes.set_xticks(range(len(names)), names, rotation=25 if max(map(len, names)) > 7 else 0, fontsize=7)
+    if panel.log_x and not names:
+        axes.set_xscale("log")
+    if panel.log_y:
+        axes.set_yscale("log")
+    elif _lowest(panel) >= 0:
+        axes.set_ylim(bottom=0)
+    if len(panel.series) > 1:
+        axes.legend(fontsize=7)
+
+
+def panel_plot(panel: Panel) -> dict[str, Any]:
+    """The panel as a plain plotly tree for the report."""
+    data = []
+    for series, color in zip(panel.series, cycle(COLORS), strict=False):
+        y = _short(series.y)
+        x = [str(value) if isinstance(value, str) else float(f"{value:.6g}") for value in series.x]
+        curve: dict[str, Any] = {"name": series.label, "x": x, "y": y}
+        if series.low is not None and series.high is not None:
+            up, down = _beyond(series.high, series.y), _beyond(series.y, series.low)
+            curve["error_y"] = {"type": "data", "symmetric": False, "array": up, "arrayminus": down, "thickness": 1}
+        if series.style == "bars":
+            data.append({**curve, "type": "bar", "marker": {"color": color}})
+        else:
+            mode = "markers" if series.style == "marks" else "lines+markers" if len(y) <= 40 else "lines"
+            look = {"marker": {"color": color, "size": 5}, "line": {"color": color}}
+            data.append({**curve, "type": "scatter", "mode": mode, **look})
+    x_axis: dict[str, Any] = {"title": {"text": panel.x}}
+    y_axis: dict[str, Any] = {"title": {"text": panel.y}}
+    x_axis |= {"type": "category"} if _names(panel) else {"type": "log"} if panel.log_x else {}
+    y_axis |= {"type": "log"} if panel.log_y else {"rangemode": "tozero"} if _lowest(panel) >= 0 else {}
+    layout = {
+        "title": {"text": panel.title, "font": {"size": 14}},
+        "margin": {"l": 60, "r": 20, "t": 40, "b": 45},
+        "legend": {"orientation": "h", "y": -0.2},
+        "barmode": "group",
+        "xaxis": x_axis,
+        "yaxis": y_axis,
+    }
+    return {"data": data, "layout": layout}
+
+
+def _names(panel: Panel) -> list[str]:
+    """The categories along x, empty where x are numbers."""
+    values = [value for series in panel.series[:1] for value in series.x]
+    return [str(value) for value in values] if values and isinstance(values[0], str) else []
+
+
+def _lowest(panel: Panel) -> float:
+    finite = [
+        float(value)
+        for series in panel.series
+        for values in (series.y, series.low or ())
+        for value in values
+        if np.isfinite(value)
+    ]
+    return min(finite, default=0.0)
+
+
+def _beyond(upper: Sequence[float | int], lower: Sequence[float | int]) -> list[float | None]:
+    """How far ``upper`` lies above ``lower``, never negative."""
+    return _short([max(a - b, 0.0) if np.isfinite(a - b) else np.nan for a, b in zip(upper, lower, strict=True)])
+
+
+def _short(values: Sequence[float | int]) -> list[float | None]:
+    return [float(f"{value:.5g}") if np.isfinite(value) else None for value in values]
