@@ -18,8 +18,8 @@ _READ_PX = 1.0  # an edge counts where the sensor has a reading so near
 class EdgeTruth(NamedTuple):
     """The true edges of one view, pixels as (column, row).
 
-    ``sharp (s, 2)`` samples of the visible edges of the mesh; ``crease (s,)`` those between two faces both turned to the
-    sensor; ``inner (s,)`` those of them with readings all around; ``jumps (j, 2)`` pixels on both sides of depth jumps.
+    ``sharp (s, 2)`` samples of the visible edges of the mesh; ``crease (s,)`` those whose two faces both are turned to
+    the sensor; ``inner (s,)`` those of them with readings all around; ``jumps (j, 2)`` pixels on both sides of jumps.
     """
 
     sharp: Float[np.ndarray, "s 2"]
@@ -34,7 +34,7 @@ class EdgeScore(NamedTuple):
     ``precision``: pixels marked CREASE or DEPTH within two pixels of a true edge; borders are right by their making
     and not counted. ``recall``: true edges within two pixels of a mark of any label. ``crease_recall``: the same of
     creases inside the surface, borders not counted. ``labels``: among marks near a true edge, those near one of their
-    own sort; an outline is a crease of the mesh and a jump of the image, and counts as either. ``creases``: how many
+    own sort, CREASE near an edge whose faces are both seen, DEPTH near an outline or a jump. ``creases``: how many
     pixels are marked so.
     """
 
@@ -68,10 +68,10 @@ def edge_score(found: EdgeMap, truth: EdgeTruth) -> EdgeScore:
         for mask in (found.kind == EdgeKind.CREASE, found.kind == EdgeKind.DEPTH, found.kind != EdgeKind.NONE)
     )
     true = np.concatenate([truth.sharp, truth.jumps])
-    outline = truth.sharp[~truth.crease]
     counted = np.concatenate([creases, depth])
     near = _near(counted, true)
-    own = np.concatenate([_near(creases, truth.sharp), _near(depth, np.concatenate([outline, truth.jumps]))])
+    sorts = truth.sharp[truth.crease], np.concatenate([truth.sharp[~truth.crease], truth.jumps])
+    own = np.concatenate([_near(creases, sorts[0]), _near(depth, sorts[1])])
     return EdgeScore(
         precision=_share(near),
         recall=_share(_near(truth.sharp, marks)),

@@ -18,7 +18,7 @@ from jaxmodel.control_points.line_blocks import LineArrays, line_arrays, line_bl
 from jaxmodel.control_points.scan_lines import blocks, line_view, local_noise, noise
 from jaxmodel.control_points.segmentation import segment_pieces
 from jaxmodel.errors import InputError
-from jaxmodel.scan.range_image import JUMP, RangeImage
+from jaxmodel.scan.range_image import JUMP, Scan
 
 __all__ = ["EdgeKind", "EdgeMap", "EdgeOptions", "find_edges"]
 
@@ -48,7 +48,7 @@ class EdgeOptions:
                 raise InputError(f"edges: {name} is {getattr(self, name)}, expected a number above 0")
 
 
-def find_edges(image: RangeImage, options: EdgeOptions = EdgeOptions()) -> EdgeMap:
+def find_edges(image: Scan, options: EdgeOptions = EdgeOptions()) -> EdgeMap:
     """Jump edges, creases and borders of a range image.
 
     Both ends of a jump are marked DEPTH; a reading at the image's edge or beside missing readings, with no surface

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from jaxmodel.control_points.line_blocks import LineBlock
-from jaxmodel.control_points.parabolas import Parabolas, Readings, fit
+from jaxmodel.control_points.parabolas import Parabolas, Readings, fit, runs
 
 _BENT = 3.0  # standard deviations a curvature must pass, else the segment is taken for straight
 _FEWEST = 6  # readings on each side that a joint is measured on at least
@@ -125,15 +125,8 @@ def _sides(
     stops = np.append(starts[1:], len(data.x))
     noise = 1.0 / np.sqrt(data.weight[meeting.first])
     near = np.ceil(np.maximum((share * noise) ** (2 / 3), _FEWEST)).astype(np.int64)
-    left = _fit_runs(data, np.maximum(starts[meeting.left], meeting.end - near), meeting.end)
-    return left, _fit_runs(data, meeting.first, np.minimum(stops[meeting.right], meeting.first + near))
-
-
-def _fit_runs(data: Readings, first: Int[np.ndarray, " k"], end: Int[np.ndarray, " k"]) -> Parabolas:
-    """Parabolas through separate runs of rows, which may overlap."""
-    count = end - first
-    begin = np.cumsum(count) - count
-    return fit(data.take(np.arange(count.sum()) + np.repeat(first - begin, count)), begin)
+    left = fit(*runs(data, np.maximum(starts[meeting.left], meeting.end - near), meeting.end))
+    return left, fit(*runs(data, meeting.first, np.minimum(stops[meeting.right], meeting.first + near)))
 
 
 def _bent(parabolas: Parabolas) -> Bool[np.ndarray, " s"]:

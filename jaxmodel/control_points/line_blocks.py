@@ -88,7 +88,7 @@ def line_block(arrays: LineArrays, lines: slice) -> LineBlock:
     else:
         eyeward = np.broadcast_to(-arrays.toward, points.shape)
     data = Readings(frames.x, height / arrays.pitch, 1.0 / (sigma**2 / number + _FLOOR**2))
-    return LineBlock(line + lines.start, place, data, pieces, number, frames.along[frames.group], eyeward)
+    return LineBlock(line + lines.start, place, data, pieces, number, frames.along, eyeward)
 
 
 def _averaged(arrays: LineArrays, lines: slice) -> tuple[Float[np.ndarray, "b n"], Float[np.ndarray, "b n"]]:

@@ -94,6 +94,15 @@ def best_cuts(data: Readings, starts: Int[np.ndarray, " s"], least: int) -> Cuts
     return Cuts(np.where(cut, at, starts), whole.misfit, np.where(cut, np.maximum(lowest, 0.0), whole.misfit))
 
 
+def runs(
+    data: Readings, first: Int[np.ndarray, " c"], end: Int[np.ndarray, " c"]
+) -> tuple[Readings, Int[np.ndarray, " c"]]:
+    """The rows of runs, which may overlap, one run after the other, and where each begins."""
+    count = end - first
+    begin = np.cumsum(count) - count
+    return data.take(np.arange(count.sum()) + np.repeat(first - begin, count)), begin
+
+
 def first_rows(flags: Bool[np.ndarray, " n"], starts: Int[np.ndarray, " s"]) -> Int[np.ndarray, " s"]:
     """The first flagged row of each segment; every segment must have one."""
     rows = np.flatnonzero(flags)

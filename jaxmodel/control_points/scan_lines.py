@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from jaxmodel.errors import InputError
-from jaxmodel.scan.range_image import RangeImage
+from jaxmodel.scan.range_image import RangeImage, Scan
 
 BRIDGE = 2  # missing readings in a row that a surface may reach across
 _BLOCK = 1 << 14  # pixels treated together: their arrays stay in the cache
@@ -52,7 +52,7 @@ class LineReadings(NamedTuple):
     gap: Int[np.ndarray, " n"]
 
 
-def line_view(image: RangeImage) -> LineView:
+def line_view(image: Scan) -> LineView:
     """``image`` from its sensor. Raises :class:`InputError` when it is not a range image."""
     if not isinstance(image, RangeImage):
         raise InputError("edges are found along the lines of a range image, and this scan has no grid of pixels")
@@ -140,14 +140,14 @@ def local_noise(
 class LineFrames(NamedTuple):
     """Coordinates along lines: abscissa in pitches, and what turns a height into an ordinate.
 
-    ``group (n,)`` the frame of each reading, consecutive; ``along (g, 3)`` its direction of increasing abscissa;
-    ``cosine (n,)`` between a reading's ray and its frame's middle one.
+    ``group (n,)`` the frame of each reading, consecutive; ``cosine (n,)`` between a reading's ray and its frame's middle
+    one; ``along (n, 3)`` how the ray of cosine 1 moves with the abscissa, which is not straight on a panorama's line.
     """
 
     x: Float[np.ndarray, " n"]
     cosine: Float[np.ndarray, " n"]
     group: Int[np.ndarray, " n"]
-    along: Float[np.ndarray, "g 3"]
+    along: Float[np.ndarray, "n 3"]
 
 
 def line_frames(
@@ -175,13 +175,37 @@ def line_frames(
         middle /= np.linalg.norm(middle, axis=1, keepdims=True)
     else:
         middle = np.broadcast_to(-toward, (len(starts), 3))
-    along = rays[starts + count - 1] - rays[starts]
-    along -= np.sum(along * middle, axis=1, keepdims=True) * middle
-    length = np.linalg.norm(along, axis=1, keepdims=True)
-    along /= np.where(length > 0, length, 1.0)
-    position = np.einsum("ij,ij->i", rays, along[group])
-    cosine = np.ones_like(distance) if toward is not None else np.einsum("ij,ij->i", rays, middle[group])
-    return LineFrames(position / (cosine * pitch), cosine, group, along)
+    forward = rays[starts + count - 1] - rays[starts]
+    forward -= np.sum(forward * middle, axis=1, keepdims=True) * middle
+    length = np.linalg.norm(forward, axis=1, keepdims=True)
+    forward /= np.where(length > 0, length, 1.0)
+    if toward is None:
+        cosine = np.einsum("ij,ij->i", rays, middle[group])
+        rays = rays / cosine[:, None]
+    else:
+        cosine = np.ones_like(distance)
+        rays = rays + distance[:, None] * toward
+    x = np.einsum("ij,ij->i", rays, forward[group])
+    return LineFrames(x / pitch, cosine, group, _along(rays, x, group, forward))
+
+
+def _along(
+    rays: Float[np.ndarray, "n 3"],
+    x: Float[np.ndarray, " n"],
+    group: Int[np.ndarray, " n"],
+    forward: Float[np.ndarray, "g 3"],
+) -> Float[np.ndarray, "n 3"]:
+    """Derivative of the rays with respect to x: the mean of the steps to both neighbours of the same group."""
+    run = np.diff(x)
+    good = (np.diff(group) == 0) & (run > 0)
+    step = np.diff(rays, axis=0) / np.where(good, run, 1.0)[:, None]
+    step[~good] = 0.0
+    total, number = np.zeros_like(rays), np.zeros(len(x))
+    total[:-1] += step
+    total[1:] += step
+    number[:-1] += good
+    number[1:] += good
+    return np.where(number[:, None] > 0, total / np.maximum(number, 1.0)[:, None], forward[group])
 
 
 def _pitch(points: np.ndarray, distance: np.ndarray, toward: np.ndarray | None) -> float:

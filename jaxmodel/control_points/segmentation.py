@@ -8,7 +8,7 @@ where one does nearly as well, and cut again where two do significantly better.
 import numpy as np
 from jaxtyping import Bool, Int
 
-from jaxmodel.control_points.parabolas import Cuts, Readings, best_cuts, first_rows, fit
+from jaxmodel.control_points.parabolas import Cuts, Readings, best_cuts, first_rows, fit, runs
 
 LEAST = 3  # readings in a segment: a parabola's
 
@@ -29,6 +29,7 @@ def segment_pieces(
     starts = split_at_chords(data, pieces, doubt)
     fresh = np.ones(len(starts), dtype=bool)
     for _ in range(rounds):
+        starts, fresh = _fuse(data, starts, fresh, pieces, gain)
         for parity in (0, 1):
             starts, fresh = _settle(data, starts, fresh, pieces, parity, gain)
         added = _cuts_of(data, starts, np.flatnonzero(fresh), gain)
@@ -58,17 +59,48 @@ def split_at_chords(data: Readings, pieces: Int[np.ndarray, " p"], doubt: float)
         last = starts + count - 1
         run, rise = active.x[last] - active.x[starts], active.y[last] - active.y[starts]
         slope = np.divide(rise, run, out=np.zeros_like(rise), where=run != 0)
-        off = np.abs(
-            active.y
-            - np.repeat(active.y[starts], count)
-            - np.repeat(slope, count) * (active.x - np.repeat(active.x[starts], count))
-        )
+        chord = np.repeat(active.y[starts] - slope * active.x[starts], count) + np.repeat(slope, count) * active.x
+        off = active.y - chord
         row = np.arange(len(rows)) - np.repeat(starts, count)
-        off[(row < LEAST) | (row > np.repeat(count - LEAST, count))] = -1.0
-        at = first_rows(off == np.repeat(np.maximum.reduceat(off, starts), count), starts)
+        size = np.where((row < LEAST) | (row > np.repeat(count - LEAST, count)), -1.0, np.abs(off))
+        at = first_rows(size == np.repeat(np.maximum.reduceat(size, starts), count), starts)
+        # at a step the farthest reading may be the last one before it
+        at += (off[at] * off[at + 1] < 0) & (row[at] < count - LEAST)
         found.append(rows[at])
         starts = np.sort(np.concatenate([starts, at]))
     return np.sort(np.concatenate(found))
+
+
+def _fuse(
+    data: Readings,
+    starts: Int[np.ndarray, " s"],
+    fresh: Bool[np.ndarray, " s"],
+    pieces: Int[np.ndarray, " p"],
+    gain: float,
+) -> tuple[Int[np.ndarray, " t"], Bool[np.ndarray, " t"]]:
+    """Share a segment too short to be cut between its neighbours, where one joint does nearly as well as its two.
+
+    Splitting at a chord may leave a joint inside such a segment, which moving its two ends one by one cannot mend.
+    """
+    ends = np.append(starts[1:], len(data.x))
+    first = np.isin(starts, pieces)
+    inner = ~first & ~np.append(first[1:], True)
+    changed = fresh | np.append(fresh[1:], False) | np.append(False, fresh[:-1])
+    short = np.flatnonzero(inner & changed & (ends - starts < 2 * LEAST))
+    short = short[np.diff(short, prepend=-3) >= 3]  # triples that share no segment
+    if len(short) == 0:
+        return starts, fresh
+    cuts = _cut(data, starts[short - 1], ends[short + 1])
+    triples = (short[:, None] + np.array([-1, 0, 1])).ravel()
+    three = runs(data, starts[triples], ends[triples])
+    apart = np.add.reduceat(fit(*three).misfit, 3 * np.arange(len(short)))
+    fused = cuts.parts - apart < gain
+    starts, fresh = starts.copy(), fresh.copy()
+    starts[short[fused]] = cuts.row[fused]
+    fresh[short[fused]] = fresh[short[fused] - 1] = True
+    kept = np.ones(len(starts), dtype=bool)
+    kept[short[fused] + 1] = False
+    return starts[kept], fresh[kept]
 
 
 def _settle(
@@ -123,8 +155,6 @@ def _with(
 
 def _cut(data: Readings, first: Int[np.ndarray, " c"], end: Int[np.ndarray, " c"]) -> Cuts:
     """The best cuts of separate runs of rows, ``first`` to ``end``."""
-    count = end - first
-    begin = np.cumsum(count) - count
-    rows = np.arange(count.sum()) + np.repeat(first - begin, count)
-    cuts = best_cuts(data.take(rows), begin, LEAST)
+    taken, begin = runs(data, first, end)
+    cuts = best_cuts(taken, begin, LEAST)
     return Cuts(first + cuts.row - begin, cuts.whole, cuts.parts)

@@ -64,7 +64,9 @@ def visible_edges(
     pixels = project(sensor, points)
     inside = ((pixels >= -0.5) & (pixels <= np.array([sensor.width, sensor.height]) - 0.5)).all(axis=1)
     seen = np.flatnonzero(inside & turned.any(axis=1))
-    seen = seen[~_hidden(points[seen], rays[seen], sensor, corners)]
+    # of a closed part, what is hidden at all is hidden by a face turned to the sensor
+    front = np.sum(normals * _away(sensor, middle), axis=1) < 0
+    seen = seen[~_hidden(points[seen], rays[seen], sensor, corners[front])]
     return VisibleEdges(pixels[seen], angle[edge[seen]], turned[seen, 0] & turned[seen, 1])
 
 
