@@ -92,7 +92,7 @@ def changes(part: Part, quick: bool, has_data: bool) -> list[tuple[str, str]]:
             for stands_for, name in names
         ]
         return [*found, ("groups", json.dumps(groups))]
-    if has_data:
+    if has_data or part.bunny:
         return found
     kept = [group for group in groups if group["scans"]["kind"] == "objects"]
     if not kept:  # every object of the experiment is a mesh of the data folder: a built-in one stands in

@@ -13,7 +13,7 @@ from jaxmodel.control_points.edge_map import EdgeKind, EdgeMarks
 from jaxmodel.control_points.scan_lines import LineReadings, LineView, blocks, readings
 
 _SLOPE_RUN = 4  # steps of one sign in a row, half as large as a jump or more, that make a steep surface, not a jump
-_EVEN = 2.5  # times its neighbours a step of a steep surface may be
+_EVEN = 2.5  # times the usual step of a steep surface that one of its steps may be
 _DOUBT = 5.0  # standard deviations a step must pass
 
 
@@ -173,12 +173,16 @@ def _mirrored(steps: Steps) -> Steps:
 
 def _steep(step: Float[np.ndarray, " n"], large: Bool[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
     """Steps that go on evenly, several in a row: a surface seen at a slant."""
-    if not large.any():
-        return large
+    out = np.zeros(len(step), dtype=bool)
     sign = np.where(large, np.sign(step), 0.0)
     new = np.append(True, np.diff(sign) != 0)
     run = np.cumsum(new) - 1
-    long = np.bincount(run)[run] >= _SLOPE_RUN
-    size = np.abs(step) * large
-    beside = np.maximum(np.append(0.0, size[:-1]), np.append(size[1:], 0.0))
-    return large & long & (size <= _EVEN * beside)
+    rows = np.flatnonzero(large & (np.bincount(run)[run] >= _SLOPE_RUN))
+    if len(rows) == 0:
+        return out
+    size = np.abs(step[rows])
+    run, count = np.unique(run[rows], return_inverse=True, return_counts=True)[1:]
+    order = np.lexsort((size, run))
+    usual = size[order][np.cumsum(count) - count + (count - 1) // 2]  # each run's median, the lower of two
+    out[rows] = size <= _EVEN * usual[run]
+    return out

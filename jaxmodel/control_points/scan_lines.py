@@ -141,7 +141,8 @@ class LineFrames(NamedTuple):
     """Coordinates along lines: abscissa in pitches, and what turns a height into an ordinate.
 
     ``group (n,)`` the frame of each reading, consecutive; ``cosine (n,)`` between a reading's ray and its frame's
-    middle one; ``along (n, 3)`` how the ray of cosine 1 moves with the abscissa, which is not straight on a panorama's line.
+    middle one; ``along (n, 3)`` how the ray of cosine 1 moves with the abscissa, which is not straight on a panorama's
+    line.
     """
 
     x: Float[np.ndarray, " n"]

@@ -20,8 +20,8 @@ from jaxmodel.view.charts import Chart, Panel, Series
 from jaxmodel.view.table import Table
 
 _CLAIMS = {
-    "WYE": "Fig. 2.46: creases alone converge faster and more precisely than all contours",
-    "BLOCK2": "Fig. 2.47: with all contours, borders included, the polyhedron is registered",
+    "WYE": "Fig. 2.46: creases alone are faster and more precise",
+    "BLOCK2": "Fig. 2.47: all contours register the polyhedron",
 }
 
 
@@ -65,11 +65,12 @@ def tables(summary: Mapping[str, Any], command: str) -> list[Table]:
         name = f"{compared['subject']}: {compared['tests']} tests, {compared['pairs']} pairs"
         title = f"{compared['kinds'][0]} against {compared['kinds'][1]} on {compared['subject']}"
         found.append(Table(title, comparison.columns(compared), comparison.lines(name, compared)))
-        verdicts = [f"{figure.what}: {comparison.verdict(compared, figure)}" for figure in comparison.FIGURES]
+        better = {compared["kinds"][0]: "first", compared["kinds"][1]: "second", "undecided": "undecided"}
+        verdicts = [better[comparison.verdict(compared, figure)] for figure in comparison.FIGURES]
         claim = _CLAIMS.get(compared["stands_for"], "not in the thesis")
-        lines.append((compared["subject"], claim, title, "; ".join(verdicts)))
-    columns = ("object", "published (pictures only)", "ours compares", "better")
-    return [*found, Table(f"Published | ours, Figs 2.46 and 2.47 | {command}", columns, lines)]
+        lines.append((compared["subject"], claim, *compared["kinds"], *verdicts))
+    columns = ("object", "published (pictures only)", "first", "second", *(f.what for f in comparison.FIGURES))
+    return [*found, Table(f"Published | ours: which is better, Figs 2.46 and 2.47 | {command}", columns, lines)]
 
 
 def charts(summary: Mapping[str, Any], rows: polars.DataFrame, iterations: polars.DataFrame) -> list[Chart]:

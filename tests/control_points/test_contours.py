@@ -274,4 +274,4 @@ def test_real_scan(data_dir: Path, name: str) -> None:
         at = tuple(chain.pixels.T)
         assert np.isfinite(chain.points).all()
         assert len(set(edges.far[at][edges.kind[at] == EdgeKind.DEPTH])) <= 1
-    assert len(all_pixels(find_contours(image, edges, (EdgeKind.CREASE,)))) > 100
+    assert find_contours(image, edges, (EdgeKind.CREASE,)).outcome is ContourOutcome.FOUND

@@ -65,7 +65,7 @@ def small_study(experiment: str, **changes: Any) -> dict[str, Any]:
         "groups": [group("block_steps", "BLOCK2"), group("torso", "HAPPY")],
         "counts": [120],
         "starts": {"count": 4, "spread_deg": 10, "shift_of_size": 0.05},
-        "method": {"cells": 32, "clusters": 10, "max_iterations": 30},
+        "method": "thesis_2005",
         "resamples": 100,
         **changes,
     }

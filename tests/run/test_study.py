@@ -15,7 +15,6 @@ import pytest
 from jaxmodel.control_points import Contours, select
 from jaxmodel.register import register
 from jaxmodel.register.basin import truth_errors
-from jaxmodel.register.method import IcpMethod, Strategy
 from jaxmodel.register.starts import plausible_starts
 from jaxmodel.run.cli import execute
 from jaxmodel.run.config import ObjectScans, PlausibleStarts
@@ -65,8 +64,7 @@ def test_rows_are_what_single_registrations_give(unbroken: Path) -> None:
     assert pair.T_target_source is not None
     wanted, (centroid, size) = PlausibleStarts(), source_extent(pair)
     start = plausible_starts(pair.T_target_source, centroid, 1, 0, 10.0, 0.05 * size, wanted.most_deg)[0]
-    method = IcpMethod((Strategy(),), cells=32, clusters=10, max_iterations=30)
-    alone = register(target, source, start, method)
+    alone = register(target, source, start)
     row = polars.read_parquet(unbroken / "results.parquet")[:1]
     np.testing.assert_allclose(poses(row)[0], alone.T_target_source, atol=1e-5)
     assert (row["pair"][0], row["control_points"][0]) == ("block_steps000-020", "contours")
