@@ -274,4 +274,21 @@ def test_real_scan(data_dir: Path, name: str) -> None:
         at = tuple(chain.pixels.T)
         assert np.isfinite(chain.points).all()
         assert len(set(edges.far[at][edges.kind[at] == EdgeKind.DEPTH])) <= 1
-    assert find_contours(image, edges, (EdgeKind.CREASE,)).outcome is ContourOutcome.FOUND
+
+
+@pytest.mark.data
+@pytest.mark.parametrize(
+    "name",
+    [
+        "bun000",
+        pytest.param(
+            "top3", marks=pytest.mark.xfail(strict=True, reason="the edges leave 96 crease pixels in contours here")
+        ),
+    ],
+)
+def test_a_real_scan_has_crease_contours(data_dir: Path, name: str) -> None:
+    from jaxmodel.io.scans import load_scan
+
+    image = load_scan(data_dir / "stanford_bunny" / "data" / f"{name}.ply")
+    assert isinstance(image, RangeImage)
+    assert len(all_pixels(find_contours(image, find_edges(image), (EdgeKind.CREASE,)))) > 100
