@@ -34,9 +34,9 @@ _CONVERGENCE = {
 }  # fmt: skip
 _TWO_STARTS = {"counts": "[150]", "draws": "1", "starts.count": "3", "resamples": "200"}
 PARTS = (
-    Part("bunny_convergence", bunny=True),
+    Part("bunny_contours", bunny=True),
     Part(
-        "objects_convergence",
+        "objects_contours",
         {**_CONVERGENCE, "scans.names": "[block_steps, torso]", "scans.sensor": "{width: 90, height: 90}"},
     ),
     Part(
@@ -148,7 +148,7 @@ def conclusion(out: Path, summaries: Mapping[str, Mapping[str, Any]]) -> dict[st
         found["close starts"] = summaries["global_table"]["comparison"]
     if "user_starts" in summaries:
         found["starts as by a user"] = summaries["user_starts"]["comparison"]
-    grids = [out / name for name in ("bunny_convergence", "objects_convergence") if name in summaries]
+    grids = [out / name for name in ("bunny_contours", "objects_contours") if name in summaries]
     if grids:
         found["all rotations"] = by_family(convergence_rows(grids), [])
     return json.loads(json_text(found))  # what is not a number is null, here as in the summaries

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxmodel.control_points import ControlPoints, select
+from jaxmodel.errors import InputError
 from jaxmodel.io.poses import load_transform
 from jaxmodel.register.starts import euler_starts, even_starts
 from jaxmodel.run.config import EulerStarts, FileStarts, Starts
@@ -51,7 +52,10 @@ def make_cases(
         wanted = [options, options]
         if equal_counts and chosen:
             wanted = [dataclasses.replace(options, count=len(cloud)) for cloud in chosen[0]]
-        chosen.append((select(pair.target, wanted[0], seed), select(pair.source, wanted[1], seed)))
+        try:
+            chosen.append((select(pair.target, wanted[0], seed), select(pair.source, wanted[1], seed)))
+        except InputError as error:
+            raise InputError(f"{pair.name}: {error}") from error
     return [
         Case(
             pair=pair,

@@ -200,7 +200,7 @@ def columns(comparison: Mapping[str, Any]) -> tuple[str, ...]:
 
 def chart(name: str, title: str, compared: Mapping[str, Mapping[str, Any]]) -> Chart:
     """Bars with intervals, a panel for each figure, a bar of each kind for each entry of ``compared``."""
-    entries = [(label, found) for label, found in compared.items() if found]
+    entries = [(label.replace("_", "-"), found) for label, found in compared.items() if found]
     kinds = list(dict.fromkeys(kind for _, found in entries for kind in found["kinds"]))
 
     def values(kind: str, figure: Figure, end: str) -> list[float]:

@@ -26,15 +26,19 @@ _CLOSE = 1.5
 
 @dataclass(frozen=True, kw_only=True)
 class Config(StudyConfig):
-    """The YAML of the experiment. ``counts`` and ``starts.count`` are what each of ``tests`` tests draws from."""
+    """The YAML of the experiment.
+
+    ``tests``: how many of the combinations of one of ``counts`` with one of ``starts.count`` starts are drawn.
+    """
 
     experiment: Literal["iterations"] = "iterations"
     tests: int = 6
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.tests < 1:
-            raise ValueError(f"tests is {self.tests}, expected at least 1")
+        most = len(self.counts) * self.starts.count
+        if not 1 <= self.tests <= most:
+            raise ValueError(f"tests is {self.tests}, expected 1 to {most}, the number of combinations")
 
 
 def prepare(config: Config) -> Study:
@@ -42,10 +46,9 @@ def prepare(config: Config) -> Study:
     trials = []
     for number, placed in enumerate(placed_pairs(config)):
         starts = starts_of(config, placed.pair, number)
-        for test in range(config.tests):
-            draw = np.random.default_rng([config.seed, number, test])
-            count = config.counts[draw.integers(len(config.counts))]
-            start = int(draw.integers(len(starts)))
+        draw = np.random.default_rng([config.seed, number]).permutation(len(config.counts) * len(starts))
+        for test, combination in enumerate(draw[: config.tests].tolist()):
+            count, start = config.counts[combination % len(config.counts)], combination // len(config.counts)
             chosen, counts = starts[start : start + 1], (count, count)
             kinds, stands_for = placed.group.control_points, placed.group.stands_for
             variant = f"test {test}: {count} points, start {start}"

@@ -119,7 +119,7 @@ def _hidden(
     """Whether a triangle stands between each point and the sensor (Möller and Trumbore 1997, all against all)."""
     out = np.zeros(len(points), dtype=bool)
     side, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    for rows in np.array_split(np.arange(len(points)), max(1, len(points) * len(corners) // 1_000_000)):
+    for rows in np.array_split(np.arange(len(points)), max(1, len(points) * len(corners) // 100_000)):
         ray = -rays[rows][:, None]
         cross = np.cross(ray, other)
         volume = np.sum(side * cross, axis=-1)

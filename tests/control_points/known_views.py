@@ -1,5 +1,6 @@
 """Views of solids whose edges are known, for the tests of edges."""
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import jax
@@ -18,7 +19,6 @@ SENSOR = Sensor(width=200, height=200)
 
 class View(NamedTuple):
     image: RangeImage
-    clean: RangeImage
     truth: EdgeTruth
 
 
@@ -31,14 +31,21 @@ def pose(seed: int) -> np.ndarray:
 
 
 def view(name: str, sigma: float, seed: int, wall: bool = False, sensor: Sensor = SENSOR) -> View:
-    """A solid as a laser of that noise sees it, and without its noise."""
-    mesh, T = known_solid(name), pose(seed)
-    mesh = before_a_wall(mesh) if wall else mesh
-    clean, image = (
-        scan_mesh(mesh.vertices, mesh.faces, sensor, T, Laser(sigma=s, unit="data"), jax.random.key(seed))
-        for s in (0.0, sigma)
-    )
-    return View(image, clean, edge_truth(clean, visible_edges(mesh, sensor, T), 1 / sensor.focal_px))
+    """A solid as a laser of that noise sees it, with its true edges."""
+    return View(_scan(name, sigma, seed, wall, sensor), _truth(name, seed, wall, sensor))
+
+
+def _scan(name: str, sigma: float, seed: int, wall: bool, sensor: Sensor) -> RangeImage:
+    mesh = before_a_wall(known_solid(name)) if wall else known_solid(name)
+    laser = Laser(sigma=sigma, unit="data")
+    return scan_mesh(mesh.vertices, mesh.faces, sensor, pose(seed), laser, jax.random.key(seed))
+
+
+@lru_cache
+def _truth(name: str, seed: int, wall: bool, sensor: Sensor) -> EdgeTruth:
+    mesh = before_a_wall(known_solid(name)) if wall else known_solid(name)
+    edges = visible_edges(mesh, sensor, pose(seed))
+    return edge_truth(_scan(name, 0.0, seed, wall, sensor), edges, 1 / sensor.focal_px)
 
 
 def ball_image(sigma: float, seed: int, sensor: Sensor = SENSOR) -> RangeImage:
