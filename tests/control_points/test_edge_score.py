@@ -11,9 +11,9 @@ from jaxmodel.control_points.edges import EdgeKind
 SHAPE = (40, 50)
 
 
-def truth() -> EdgeTruth:
-    """A crease down column 20 and an outline down column 40 that is a jump, both over all rows."""
-    rows = np.arange(0, 40, 0.25)
+def truth(step: float = 0.25) -> EdgeTruth:
+    """A crease down column 20 and an outline down column 40 that is a jump, both over all rows, a sample every step."""
+    rows = np.arange(0, 40, step)
     crease, outline = (np.stack([np.full(len(rows), column), rows], axis=1) for column in (20.0, 40.0))
     jumps = np.array([(column, row) for row in range(40) for column in (40, 41)], dtype=float)
     is_crease = np.repeat([True, False], len(rows))
@@ -34,7 +34,8 @@ def test_a_right_map_has_all() -> None:
 
 @pytest.mark.parametrize(("column", "right"), [(18, True), (22, True), (17, False), (23, False)])
 def test_two_pixels_off_is_right_and_three_is_not(column: int, right: bool) -> None:
-    score = edge_score(map_of([column], []), truth())
+    # samples in the rows' middles, so that the distance is the one across the edge
+    score = edge_score(map_of([column], []), truth(step=1.0))
     assert score.precision == (1.0 if right else 0.0)
     assert score.crease_recall == (1.0 if right else 0.0)
 

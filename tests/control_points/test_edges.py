@@ -188,7 +188,6 @@ def test_a_step_smaller_than_a_jump_is_depth_too(height: float) -> None:
 
 
 @pytest.mark.parametrize("seed", [0, 1, 7])
-@pytest.mark.xfail(strict=True, reason="16 sound readings go with 370 mixed ones on this view, 3 are allowed")
 def test_mixed_points_of_a_real_beam_are_removed_and_jumps_stay_in_place(seed: int) -> None:
     """Each reading is the mean over a footprint of 4 x 4 rays: what a laser gives at a jump."""
     solid = known_solid("box")

@@ -55,7 +55,7 @@ def test_a_cloud_is_refused() -> None:
 @pytest.mark.parametrize("projection", ["pinhole", "orthographic"])
 @pytest.mark.parametrize("axis", [0, 1])
 def test_a_plane_is_straight_along_every_line(projection, axis: int) -> None:
-    image = plane(Sensor(width=90, height=60, projection=projection, field_of_view_deg=70))
+    image = plane(Sensor(width=90, height=60, projection=projection, field_of_view_deg=70.0))
     view = line_view(image)
     points, distance = (np.swapaxes(part, 0, 1 - axis) for part in (view.points, view.distance))
     line = np.repeat(np.arange(distance.shape[0]), distance.shape[1])
