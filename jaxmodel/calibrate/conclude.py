@@ -44,8 +44,9 @@ def conclude(
     X, scale = se3.compose(np.asarray(solved.estimate.R), np.asarray(solved.estimate.t)), float(solved.estimate.scale)
     angle, distance = np.asarray(solved.angle), np.asarray(solved.distance)
     squares = np.array([np.sum(weights * angle**2)])
-    parts = (solved.rotation, solved.scatter_A, solved.scatter_B)
-    plain = bool(plainly_solved(*(np.asarray(part)[None] for part in parts), squares, np.array([len(A)]))[0])
+    rotation, scatter_A = np.asarray(solved.rotation)[None], np.asarray(solved.scatter_A)[None]
+    scatter_B = np.asarray(solved.scatter_B)[None]
+    plain = bool(plainly_solved(rotation, scatter_A, scatter_B, squares, np.array([len(A)]))[0])
     plain &= np.isfinite(X).all() and (scale > 0 or unknown_scale)
     if plain:
         verdict = judge(A, B, X, scale, angle, distance, unknown_scale)

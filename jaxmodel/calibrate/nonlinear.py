@@ -121,9 +121,7 @@ class QuaternionWeights(eqx.Module):
     penalty: Float[jax.Array, ""] | float = 2e6
 
 
-def solve_quaternion_penalty(
-    pairs: Pairs, weights: QuaternionWeights, start: Estimate | None = None
-) -> Estimate:
+def solve_quaternion_penalty(pairs: Pairs, weights: QuaternionWeights, start: Estimate | None = None) -> Estimate:
     """§2.2.3 as published: axes and translations under a quaternion that a penalty keeps near unit length.
 
     ``sum l1 |n_A - q n_B q*|^2 + l2 |q t_B q* - (R_A - I) t - t_A|^2 + l (1 - q q)^2`` over (q, t), with unit axes. The

@@ -180,9 +180,7 @@ def _rank(matrix: Float[np.ndarray, "m k"], limit: float) -> int:
     return int(np.sum(values > max(limit, 1e-7 * values[0] if len(values) else 0.0, 1e-12)))
 
 
-def flips(
-    A: Float[np.ndarray, "n 4 4"], moved_B: Float[np.ndarray, "n 3"], axes: Axes
-) -> Float[np.ndarray, "3 3 3"]:
+def flips(A: Float[np.ndarray, "n 4 4"], moved_B: Float[np.ndarray, "n 3"], axes: Axes) -> Float[np.ndarray, "3 3 3"]:
     """The half turns Q for which ``Q R_X`` could be another answer.
 
     Q must leave each axis (up to its sign) and each translation alone, so its own axis is one of two independent

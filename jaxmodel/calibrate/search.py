@@ -51,9 +51,7 @@ class Found(eqx.Module):
         return se3.compose(np.asarray(self.estimate.R), np.asarray(self.estimate.t))
 
 
-def descend_from(
-    pairs: Pairs, starts: Float[jax.Array, "k 3 3"], weighting: Weighting, unknown_scale: bool
-) -> Found:
+def descend_from(pairs: Pairs, starts: Float[jax.Array, "k 3 3"], weighting: Weighting, unknown_scale: bool) -> Found:
     """The ends of descents from given rotations, each with the translation that suits it best."""
     sums = pair_sums(pairs)
 
@@ -88,9 +86,7 @@ class Search:
         lengths = float(np.sum(weights * squares) / np.sum(weights))
         self._weighting = 1.0, 1.0 / (lengths if lengths > 0 else 1.0)
 
-    def from_starts(
-        self, starts: Float[np.ndarray, "k 3 3"], weighting: tuple[float, float] | None = None
-    ) -> Found:
+    def from_starts(self, starts: Float[np.ndarray, "k 3 3"], weighting: tuple[float, float] | None = None) -> Found:
         """The ends from at most 24 starts; by default rotation and translation weigh by the size of the motions."""
         padded = np.concatenate([starts, np.broadcast_to(np.eye(3), (len(STARTS) - len(starts), 3, 3))])
         with jax.enable_x64(True):

@@ -1,13 +1,14 @@
 """Motions with a known X, exact or noisy."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 
-def motion(rotation_vector: object, translation: object) -> np.ndarray:
+def motion(rotation_vector: ArrayLike, translation: ArrayLike) -> np.ndarray:
     T = np.eye(4)
     T[:3, :3] = Rotation.from_rotvec(np.asarray(rotation_vector, float)).as_matrix()
-    T[:3, 3] = translation
+    T[:3, 3] = np.asarray(translation, float)
     return T
 
 
