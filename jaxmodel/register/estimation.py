@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Bool, Float
 
+from jaxmodel.geometry.elimination import solve_positive
 from jaxmodel.geometry.rigid_fit import METHODS, Method, Moments, quaternion_from_moments, rotation_from_quaternion
 from jaxmodel.register.rejection import sum_over_points
 
@@ -58,29 +59,6 @@ def fit_point_to_plane(
     # one Newton step towards the nearest rotation keeps the product of many turns orthonormal
     rotation = rotation @ (1.5 * jnp.eye(3) - 0.5 * rotation.T @ rotation)
     return Estimate(rotation, turn @ t + solution[3:], determined)
-
-
-def solve_positive(
-    matrix: Float[jax.Array, "m m"], right: Float[jax.Array, " m"], least: Float[jax.Array, " m"] | float = 0.0
-) -> tuple[Float[jax.Array, " m"], Bool[jax.Array, ""]]:
-    """Solution of a small symmetric positive definite system by scaled elimination, and whether it is well posed.
-
-    ``least``: a diagonal entry below it is rounding, and is not scaled up to look like a measurement.
-    """
-    size = right.shape[0]
-    diagonal = jnp.maximum(jnp.diagonal(matrix), least)
-    scale = jax.lax.rsqrt(jnp.where(diagonal > 0, diagonal, 1.0))  # unit diagonal: rotation and translation alike
-    augmented = jnp.concatenate([matrix * scale[:, None] * scale[None, :], (right * scale)[:, None]], axis=1)
-    smallest = jnp.float32(jnp.inf)
-    for k in range(size):
-        pivot = augmented[k, k]
-        smallest = jnp.minimum(smallest, pivot)
-        pivot = jnp.where(pivot > 0, pivot, 1.0)
-        reduced = augmented[k] / pivot
-        eliminated = augmented - augmented[:, k : k + 1] * reduced[None, :]
-        augmented = jnp.where((jnp.arange(size) == k)[:, None], reduced[None, :], eliminated)
-    # a pivot at rounding level means a direction the pairs say nothing about
-    return augmented[:, -1] * scale, smallest > 1e-5
 
 
 def _rotation(vector: Float[jax.Array, "3"]) -> Float[jax.Array, "3 3"]:

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxmodel.geometry.eigen import largest_eigenvector
+from jaxmodel.geometry.eigen import largest_eigenvector, smallest_eigenvector
 
 batched = jax.jit(jax.vmap(largest_eigenvector))
 
@@ -79,3 +79,24 @@ def test_a_lane_does_not_see_its_neighbours() -> None:
     matrices[1], matrices[2] = np.nan, 0.0
     vector, _ = solve(matrices, np.float32)
     np.testing.assert_array_equal(vector[[0, 3]], reference[[0, 3]])
+
+
+def test_the_smallest_of_a_singular_matrix() -> None:  # oracle: numpy.linalg.svd of the rows
+    smallest = jax.jit(jax.vmap(smallest_eigenvector))
+    rng = np.random.default_rng(5)
+    rows = rng.normal(size=(30, 20, 9))
+    rows[:, :, 3] *= 1e-3
+    rows -= (rows @ rows[:, :1].swapaxes(1, 2)) * rows[:, :1] / np.sum(rows[:, :1] ** 2, axis=2, keepdims=True)
+    matrices = rows.swapaxes(1, 2) @ rows
+    expected = np.linalg.svd(rows)[2][:, -1]
+    for scale in (1e-40, 1.0, 1e40):
+        with jax.enable_x64(True):
+            vector = np.asarray(smallest(matrices * scale))
+        assert sine(vector, expected).max() < 1e-9
+
+
+def test_the_smallest_of_noisy_rows() -> None:  # oracle: numpy.linalg.eigh
+    matrices, V = symmetric(np.tile([1e-6, 2e-6, 0.5, 1.0], (20, 1)), 6)
+    with jax.enable_x64(True):
+        vector = np.asarray(jax.jit(jax.vmap(smallest_eigenvector))(matrices))
+    assert sine(vector, V[:, :, 0]).max() < 1e-8

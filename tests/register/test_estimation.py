@@ -1,20 +1,18 @@
 """The fits of one iteration: equal to the reference fits, exact where they can be, honest where they cannot."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from jaxmodel.geometry.rigid_fit import METHODS, Method, fit_rigid, weighted_moments
-from jaxmodel.register.estimation import Estimate, fit_point_to_plane, fit_point_to_point, solve_positive
+from jaxmodel.register.estimation import Estimate, fit_point_to_plane, fit_point_to_point
 
 SIZE = 64
 point_to_point = jax.jit(
     lambda p, q, w, method: fit_point_to_point(weighted_moments(p, q, w), method), static_argnums=3
 )
 point_to_plane = jax.jit(fit_point_to_plane)
-solve = jax.jit(solve_positive)
 
 
 def cloud(seed: int, count: int = SIZE) -> np.ndarray:
@@ -115,24 +113,3 @@ def test_point_to_plane_says_what_it_cannot_determine(name: str) -> None:
         normal = unit_normals(4)
     weight = np.zeros(SIZE) if name == "nothing" else np.ones(SIZE)
     assert not bool(plane_step(np.eye(3), np.zeros(3), points, points + 0.01, normal, weight).determined)
-
-
-def test_solve_positive_is_numpys() -> None:  # oracle: numpy.linalg.solve
-    for seed in range(10):
-        rng = np.random.default_rng(seed)
-        rows = rng.normal(size=(40, 6)) * [1e3, 1e3, 1e3, 1, 1, 1]  # rotations and translations in unlike units
-        matrix, right = rows.T @ rows, rng.normal(size=6)
-        solution, well_posed = solve(matrix.astype(np.float32), right.astype(np.float32))
-        expected = np.linalg.solve(matrix, right)
-        assert bool(well_posed)
-        np.testing.assert_allclose(solution, expected, rtol=0, atol=2e-5 * np.abs(expected).max())
-
-
-def test_solve_positive_tells_a_singular_system() -> None:
-    rows = np.random.default_rng(0).normal(size=(40, 6))
-    rows[:, 5] = rows[:, 0] + rows[:, 3]
-    _, well_posed = solve((rows.T @ rows).astype(np.float32), np.ones(6, np.float32))
-    assert not bool(well_posed)
-    solution, well_posed = solve(jnp.zeros((6, 6)), jnp.zeros(6))
-    assert not bool(well_posed)
-    assert np.all(np.isfinite(solution))
