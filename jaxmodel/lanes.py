@@ -23,19 +23,28 @@ State = PyTree
 Item = PyTree
 Result = PyTree
 
-# Per-item sums dominate the kernels. Letting the compiler reorder them makes them vector code; infinities and NaN
-# keep their meaning. Work is spread over devices, one per core, so a kernel must not spread itself over threads too.
-CPU_OPTIONS: dict[str, bool | str] = {
+# Work is spread over devices, one per core, so a kernel must not spread itself over threads too.
+CPU_OPTIONS: dict[str, bool | str] = {"xla_cpu_multi_thread_eigen": False}
+
+# Letting the compiler reorder sums of floats makes them vector code; infinities and NaN keep their meaning.
+REORDERING: dict[str, bool | str] = {
     "xla_cpu_enable_fast_math": True,
     "xla_cpu_fast_math_honor_infs": True,
     "xla_cpu_fast_math_honor_nans": True,
     "xla_cpu_fast_math_honor_division": True,
-    "xla_cpu_multi_thread_eigen": False,
 }
 
 
 class Kernel(eqx.Module):
     """One problem shared by many items. All members are pure and written for a single item."""
+
+    @property
+    def reorders_sums(self) -> bool:
+        """Whether sums of floats may be reordered: faster, but then executors round differently. By default they may.
+
+        A kernel whose steps decide by comparisons (which point is closest) can turn one bit into another basin.
+        """
+        return True
 
     @abstractmethod
     def init(self, item: Item) -> State:
@@ -85,10 +94,10 @@ def run_chunk(kernel: Kernel, items: Item, engine: Engine) -> Result:
         # item i goes to device i mod devices, so that neighbouring (similar) items are spread evenly
         dealt = jax.tree.map(lambda a: _deal(_padded(a, capacity), devices), items)
         counts = np.asarray([len(range(d, count, devices)) for d in range(devices)], np.int32)
-        results = _cores(devices)(kernel, dealt, counts)
+        results = _cores(devices, kernel.reorders_sums)(kernel, dealt, counts)
         return jax.tree.map(lambda a: _collect(np.asarray(a))[:count], results)
     padded = jax.tree.map(lambda a: _padded(a, engine.chunk), items)
-    results = _lanes()(kernel, padded, np.int32(count), engine.lanes, engine.steps_per_round)
+    results = _lanes(kernel.reorders_sums)(kernel, padded, np.int32(count), engine.lanes, engine.steps_per_round)
     return jax.tree.map(lambda a: np.asarray(a)[:count], results)
 
 
@@ -152,7 +161,7 @@ def _one_item(kernel: Kernel, item: Item) -> Result:
 
 
 @lru_cache
-def _cores(devices: int) -> Any:
+def _cores(devices: int, reorder: bool) -> Any:
     split, whole = PartitionSpec("core"), PartitionSpec()
 
     def one_core(kernel: Kernel, items: Item, count: jax.Array) -> Result:
@@ -172,18 +181,19 @@ def _cores(devices: int) -> Any:
     sharded = jax.shard_map(
         one_core, mesh=_mesh(devices), in_specs=(whole, split, split), out_specs=split, check_vma=False
     )
-    return jit_kernel(sharded)
+    return jit_kernel(sharded, reorder)
 
 
 @lru_cache
-def _lanes() -> Any:
-    return jit_kernel(_run_lanes, static_argnums=(3, 4))
+def _lanes(reorder: bool) -> Any:
+    return jit_kernel(_run_lanes, reorder, static_argnums=(3, 4))
 
 
-def jit_kernel(function: Any, **options: Any) -> Any:
-    """``jax.jit`` with the options all kernels are compiled with, so that the same steps give the same bits."""
+def jit_kernel(function: Any, reorder: bool, **options: Any) -> Any:
+    """``jax.jit`` with the options all kernels are compiled with; ``reorder``: see ``Kernel.reorders_sums``."""
     on_cpu = jax.default_backend() == "cpu"
-    return jax.jit(function, compiler_options=CPU_OPTIONS if on_cpu else None, **options)
+    compiler = CPU_OPTIONS | (REORDERING if reorder else {})
+    return jax.jit(function, compiler_options=compiler if on_cpu else None, **options)
 
 
 def _where(mask: jax.Array, new: PyTree, old: PyTree) -> PyTree:
@@ -228,4 +238,4 @@ def _run_lanes(kernel: Kernel, items: Item, count: jax.Array, lanes: int, steps_
 
 def vmap_baseline(kernel: Kernel, items: Item) -> Result:
     """The plain alternative for benchmarks and tests: ``vmap`` of a ``while_loop``, where all wait for the slowest."""
-    return jit_kernel(partial(jax.vmap, in_axes=(None, 0))(_one_item))(kernel, items)
+    return jit_kernel(partial(jax.vmap, in_axes=(None, 0))(_one_item), kernel.reorders_sums)(kernel, items)

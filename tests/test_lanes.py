@@ -161,7 +161,7 @@ def test_memory_is_that_of_a_chunk() -> None:
     # the program's own account of what it holds: a chunk of 6 items with 4 + 16 bytes each, and little else
     devices = len(jax.devices())
     capacity = -(-6 // devices) * devices
-    program = lanes._cores(devices).lower(KERNEL, items(np.ones(capacity)), np.zeros(devices, np.int32)).compile()
+    program = lanes._cores(devices, True).lower(KERNEL, items(np.ones(capacity)), np.zeros(devices, np.int32)).compile()
     memory = program.memory_analysis()
     assert memory.argument_size_in_bytes + memory.output_size_in_bytes + memory.temp_size_in_bytes < 4096
 
@@ -179,7 +179,7 @@ def test_no_host_transfer_within_a_chunk() -> None:
     kernel = jax.device_put(KERNEL)
     device_items, count = jax.device_put(items(np.arange(1, 33))), jax.device_put(np.int32(32))
     with jax.transfer_guard("disallow"):
-        results = lanes._lanes()(kernel, device_items, count, engine.lanes, engine.steps_per_round)
+        results = lanes._lanes(True)(kernel, device_items, count, engine.lanes, engine.steps_per_round)
         jax.block_until_ready(results)
     check(np.arange(1, 33), jax.tree.map(np.asarray, results))
 

@@ -1,5 +1,7 @@
 """The motion that best superposes one iteration's kept pairs, without LAPACK (thesis §2.6; Chen & Medioni 1991)."""
 
+from collections.abc import Callable
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -36,6 +38,7 @@ def fit_point_to_plane(
     target: list[Float[jax.Array, " n"]],
     normal: list[Float[jax.Array, " n"]],
     weight: Float[jax.Array, " n"],
+    sums_of: Callable[[list[jax.Array]], tuple[jax.Array, ...]] = sum_over_points,
 ) -> Estimate:
     """One Gauss-Newton step on ``sum w (n . (target - moved - omega x moved - v))^2`` applied to the pose (R, t).
 
@@ -46,7 +49,7 @@ def fit_point_to_plane(
     row = [y * normal[2] - z * normal[1], z * normal[0] - x * normal[2], x * normal[1] - y * normal[0], *normal]
     upper = [weight * row[i] * row[j] for i in range(6) for j in range(i, 6)]
     right = [weight * row[i] * residual for i in range(6)]
-    sums = sum_over_points([*upper, *right, weight * (x * x + y * y + z * z)])
+    sums = sums_of([*upper, *right, weight * (x * x + y * y + z * z)])
     matrix = [[jnp.float32(0)] * 6 for _ in range(6)]
     pairs = [(i, j) for i in range(6) for j in range(i, 6)]
     for (i, j), value in zip(pairs, sums[:21], strict=True):

@@ -33,7 +33,10 @@ class Pose(eqx.Module):
     translation: Float[AnyArray, "*batch 3"]
 
     def move(self, points: Float[jax.Array, "3 n"]) -> Float[jax.Array, "3 n"]:
-        return jnp.matmul(self.rotation, points, precision=jax.lax.Precision.HIGHEST) + self.translation[:, None]
+        # by elements, not by a matrix product: both executors must round alike
+        x, y, z = points
+        rows = zip(self.rotation, self.translation, strict=True)
+        return jnp.stack([r[0] * x + r[1] * y + r[2] * z + t for r, t in rows])
 
 
 class IcpState(eqx.Module):
@@ -70,6 +73,10 @@ class Icp(Kernel):
 
     problem: Problem
     method: IcpMethod
+
+    @property
+    def reorders_sums(self) -> bool:
+        return not self.method.stores_pairs
 
     def init(self, item: Pose) -> IcpState:
         zero = jnp.zeros((), jnp.int32)
@@ -118,7 +125,7 @@ class Icp(Kernel):
         """The kept pairs at the state's pose under one strategy, and the new limit of Zhang's filter."""
         problem, method = self.problem, self.method
         furthest = jnp.float32(jnp.inf) if method.max_distance is None else method.max_distance * problem.size
-        filtered = method.zhang is not None and strategy.statistical_filter
+        filtered = method.filters(strategy)
 
         def search() -> Pairs:
             return find_pairs(
@@ -139,7 +146,8 @@ class Icp(Kernel):
         if method.border_filter:
             kept &= ~gather(problem.border, pairs.index)
         limit = state.limit
-        if method.zhang is not None and filtered:
+        if filtered:
+            assert method.zhang is not None
             limit = zhang_limit(pairs.distance, kept, method.zhang.scale * problem.resolution, state.limit)
             kept &= (pairs.distance < state.limit) & (pairs.distance <= limit)
         return Pairs(pairs.index, pairs.point, pairs.distance, kept), limit
@@ -166,8 +174,11 @@ class Icp(Kernel):
         return jnp.sum(ours & theirs) / jnp.maximum(jnp.sum(ours | theirs), 1).astype(jnp.float32)
 
     def _error(self, pairs: Pairs) -> tuple[Float[jax.Array, ""], Float[jax.Array, ""]]:
-        weight, total = sum_over_points([pairs.kept.astype(jnp.float32), jnp.where(pairs.kept, pairs.distance, 0.0)])
+        weight, total = self._sums([pairs.kept.astype(jnp.float32), jnp.where(pairs.kept, pairs.distance, 0.0)])
         return jnp.where(weight > 0, total / jnp.maximum(weight, 1.0), jnp.inf), weight / self.problem.count
+
+    def _sums(self, terms: list[jax.Array]) -> tuple[Float[jax.Array, ""], ...]:
+        return sum_over_points(terms, repeatable=self.method.stores_pairs)
 
     def _step_with(self, number: int, state: IcpState) -> IcpState:
         strategies = self.method.strategies
@@ -227,12 +238,13 @@ class Icp(Kernel):
         if self.method.objective == "point_to_plane":
             assert problem.normals is not None
             normal = [gather(problem.normals[axis], pairs.index) for axis in range(3)]
-            fit = fit_point_to_plane(pose.rotation, pose.translation, pose.move(problem.source), q, normal, w)
-            weight, total = sum_over_points([w, w * pairs.distance])
+            moved = pose.move(problem.source)
+            fit = fit_point_to_plane(pose.rotation, pose.translation, moved, q, normal, w, self._sums)
+            weight, total = self._sums([w, w * pairs.distance])
         else:
             p = problem.source
             weighted = [w * p[0], w * p[1], w * p[2], w]
-            sums = sum_over_points([*(a * b for a in weighted for b in q), *weighted, w * pairs.distance])
+            sums = self._sums([*(a * b for a in weighted for b in q), *weighted, w * pairs.distance])
             weight, total = sums[15], sums[16]
             one = 1.0 / jnp.maximum(weight, 1.0)
             source_mean, target_mean = jnp.stack(sums[12:15]) * one, jnp.stack(sums[9:12]) * one

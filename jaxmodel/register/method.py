@@ -98,6 +98,15 @@ class IcpMethod(eqx.Module):
         for name in ("rotation_tolerance_deg", "translation_tolerance"):
             _require(getattr(self, name), name, 0.0)
 
+    def filters(self, strategy: Strategy) -> bool:
+        """Whether Zhang's filter acts in a strategy."""
+        return self.zhang is not None and strategy.statistical_filter
+
+    @property
+    def stores_pairs(self) -> bool:
+        """Whether each iteration's pairs are read more than once, and so are stored rather than folded into sums."""
+        return any(self.filters(strategy) or strategy.exact or strategy.stack > 1 for strategy in self.strategies)
+
     @property
     def needs_exact_table(self) -> bool:
         return any(strategy.exact or strategy.stack > 1 for strategy in self.strategies)

@@ -172,7 +172,8 @@ def register_trace(
     start = check_starts((np.eye(4) if init is None else np.asarray(init, np.float64))[None])
     problem, frames = prepare(target, source, method)
     R, t = frames.to_centred(start)
-    final, rows = _traced()(Icp(problem, method), Pose(R[0], t[0]), int(method.max_iterations))
+    kernel = Icp(problem, method)
+    final, rows = _traced(kernel.reorders_sums)(kernel, Pose(R[0], t[0]), int(method.max_iterations))
     taken = int(final.steps)
     history = jax.tree.map(lambda a: np.asarray(a)[:taken], rows)
     registration = _collected(jax.tree.map(lambda a: np.asarray(a)[None], final), frames).registration(0)
@@ -183,8 +184,8 @@ def register_trace(
 
 
 @lru_cache
-def _traced() -> Any:
-    return jit_kernel(_run_traced, static_argnums=2)
+def _traced(reorder: bool) -> Any:
+    return jit_kernel(_run_traced, reorder, static_argnums=2)
 
 
 def _run_traced(kernel: Icp, start: Pose, length: int) -> tuple[IcpResult, dict]:

@@ -113,3 +113,26 @@ def test_sums_in_one_pass() -> None:
     sums = sum_over_points([jnp.asarray(term) for term in terms])
     np.testing.assert_allclose(sums, [term.sum(dtype=np.float64) for term in terms], atol=1e-3)
     assert len(sums) == 17
+
+
+@pytest.mark.parametrize("size", [1e-30, 1e-3, 1.0, 1e6, 1e30])
+@pytest.mark.parametrize("n", [1, 7, 2048])
+def test_repeatable_sums_have_the_same_bits_in_any_order(size: float, n: int) -> None:
+    rng = np.random.default_rng(n)
+    terms = [(size * rng.normal(size=n) ** 3).astype(np.float32), np.zeros(n, np.float32)]
+    in_order = jax.jit(lambda t: sum_over_points(t, repeatable=True))
+    expected = np.asarray(in_order([jnp.asarray(term) for term in terms]))
+    largest = np.abs(terms[0]).max()
+    rounding = 4e-6 * np.sqrt(n) * largest  # of n terms, 3.5 sigma
+    assert abs(expected[0] - terms[0].sum(dtype=np.float64)) < rounding
+    assert expected[1] == 0.0
+    for seed in range(20):
+        order = np.random.default_rng(seed).permutation(n)
+        shuffled = in_order([jnp.asarray(term[order]) for term in terms])
+        np.testing.assert_array_equal(np.asarray(shuffled), expected)
+
+
+def test_repeatable_sums_do_not_overflow() -> None:
+    ones = jnp.full(2048, 1.9999999, jnp.float32)
+    (total,) = sum_over_points([ones], repeatable=True)
+    assert float(total) == pytest.approx(4096.0, rel=1e-6)

@@ -154,7 +154,7 @@ def test_one_compilation_whatever_the_values(resampled_pair: Pair, exact_pair: P
     """A second sweep with other numbers, other clouds of the size class and another count compiles nothing."""
     pair = resampled_pair
     method = limited("point_to_point", 20)
-    programs = lanes._cores(len(jax.devices()))
+    programs = lanes._cores(len(jax.devices()), True)
     sweep(pair.target, pair.source, starts, method, chunk=16)
     compiled = programs._cache_size()
     for field, value in (
