@@ -207,12 +207,14 @@ def main(words: Sequence[str] | None = None) -> None:
     parser.add_argument("--quick", action="store_true", help="tiny runs on two built-in objects: does it all work?")
     parser.add_argument("--only", nargs="+", choices=[part.config for part in PARTS], help="only these experiments")
     given = parser.parse_args(words)
+    from jaxmodel.run.devices import prepare_devices, quiet_compiler
+
+    quiet_compiler()
+    prepare_devices()
     from jaxmodel.io.datasets import data_root
     from jaxmodel.run.comparison import chart
     from jaxmodel.run.console import write, write_table
-    from jaxmodel.run.devices import prepare_devices
 
-    prepare_devices()
     out = given.out or Path("runs") / ("chapter2-quick" if given.quick else "chapter2")
     root = data_root()
     has_bunny, has_meshes = (root is not None and (root / name).is_dir() for name in ("stanford_bunny", "meshes"))
