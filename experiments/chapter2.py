@@ -34,6 +34,7 @@ _CONVERGENCE = {
 }  # fmt: skip
 _TWO_STARTS = {"counts": "[150]", "draws": "1", "starts.count": "3", "resamples": "200"}
 PARTS = (
+    Part("edges", {"views": "1", "noises": "[0.0, 0.002]", "sensor": "{width: 100, height: 100}"}),
     Part("bunny_contours", bunny=True),
     Part(
         "objects_contours",

@@ -18,6 +18,7 @@ from jaxmodel.view.table import Table
 
 EXPERIMENTS = {
     "convergence": "jaxmodel.run.convergence",
+    "edges": "jaxmodel.run.edge_quality",
     "resolution": "jaxmodel.run.resolution",
     "overlap": "jaxmodel.run.overlap",
     "iterations": "jaxmodel.run.iterations",
