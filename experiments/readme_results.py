@@ -1,7 +1,7 @@
 """Write the table of results into README.md, between its two marks, from finished runs and the benchmark's baseline.
 
-Run it after ``experiments/convergence.py`` and the scripts of ``experiments/bench`` with ``--write-baseline``:
-nothing in the table is typed by hand.
+Run it after ``experiments/convergence.py``, ``experiments/chapter2.py`` and the scripts of ``experiments/bench`` with
+``--write-baseline``: nothing in the table is typed by hand.
 """
 
 import argparse
@@ -41,6 +41,26 @@ def convergence_rows(runs: Path) -> list[tuple[str, str, str, str]]:
     return rows
 
 
+def chapter_rows(chapter: Path) -> list[tuple[str, str, str, str]]:
+    """Contours against vertices: each family of objects from each kind of starts."""
+    rows: dict[str, list[str]] = {}
+    claims = {}
+    for line in json.loads((chapter / "conclusion.json").read_text())["lines"]:
+        where, figure, claimed, contours, vertices, difference, ours = line
+        if claimed != "nothing":
+            claims[where] = f"{claimed} better"
+        rows.setdefault(where, []).append(f"{figure} {contours} and {vertices}, {difference}: {ours.split(':')[0]}")
+    return [
+        (
+            f"contours and vertices, difference [95 % interval]: better is (§2.9.6; {where})",
+            claims[where],
+            "; ".join(rows[where]),
+            "`python experiments/chapter2.py`",
+        )
+        for where in rows
+    ]
+
+
 def benchmark_rows() -> list[tuple[str, str, str, str]]:
     """The paired benchmarks' ratios, from the committed baseline."""
     value = {name: metric["value"] for name, metric in json.loads(BASELINE.read_text()).items()}
@@ -65,9 +85,12 @@ BASELINE = ROOT / "experiments" / "bench" / "baseline.json"
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=Path, default=Path("runs/convergence"), help="--out of convergence.py")
-    runs = parser.parse_args().runs
+    parser.add_argument("--chapter", type=Path, default=Path("runs/chapter2"), help="--out of chapter2.py")
+    given = parser.parse_args()
+    runs = given.runs
     lines = ["| what | published | ours | command |", "| --- | --- | --- | --- |"]
-    lines += ["| " + " | ".join(row) + " |" for row in (*convergence_rows(runs), *benchmark_rows())]
+    found = (*convergence_rows(runs), *chapter_rows(given.chapter), *benchmark_rows())
+    lines += ["| " + " | ".join(row) + " |" for row in found]
     readme = ROOT / "README.md"
     before, rest = readme.read_text().split(BEGIN)
     _, after = rest.split(END)

@@ -145,7 +145,7 @@ def _few(places: Int[np.ndarray, " n"]) -> Int[np.ndarray, " m"]:
 def _scaled(error: Float[np.ndarray, " n"]) -> tuple[float, str]:
     """A factor that brings the errors to plain numbers, and the axis's unit: no exponent hides in a corner."""
     most = float(np.max(error, where=np.isfinite(error), initial=0.0))
-    power = 0 if most == 0 or 0.01 <= most < 10_000 else int(3 * np.floor(np.log10(most) / 3))
+    power = 0 if most == 0 or 0.1 <= most < 10_000 else int(3 * np.floor(np.log10(most) / 3))
     return 10.0**-power, f"$10^{{{power}}}$ unit of the data" if power else "unit of the data"
 
 
