@@ -40,28 +40,54 @@ def contour_control_points(
         InputError: ``count`` is below 3, the image is not a valid cloud, or it has fewer than 3 contour points. That
             is a fault of the input: nothing has been registered yet, and another kind of control points is the cure.
     """
+    check_count(count)
+    return RankedContours(image, kinds, edge_options, contour_options).most_important(count)
+
+
+class RankedContours:
+    """The contour points of one range image in the order of their importance; any number of them costs next to nothing.
+
+    Arguments and errors are those of ``contour_control_points``.
+    """
+
+    def __init__(
+        self,
+        image: RangeImage,
+        kinds: Sequence[EdgeKind] = (EdgeKind.CREASE,),
+        edge_options: EdgeOptions = EdgeOptions(),
+        contour_options: ContourOptions = ContourOptions(),
+    ) -> None:
+        self._measured = as_cloud(image, "the range image")
+        self._creases_alone = set(kinds) == {EdgeKind.CREASE}
+        edges = _without_far_sides(find_edges(image, edge_options))
+        contours = find_contours(image, edges, kinds, contour_options)
+        if sum(map(len, contours.chains)) < 3:
+            words = ", ".join(kind.name.lower() for kind in ALL_KINDS if kind in kinds)
+            raise InputError(
+                f"the range image has no {words} contour to take control points from ({contours.outcome.sentence}): "
+                "use the kind subsample or vertices"
+            )
+        w = image.valid.shape[1]
+        pixel = np.concatenate([chain.pixels for chain in contours.chains]) @ [w, 1]
+        value = np.concatenate(importance(contours))
+        # A junction is in several chains: its pixel counts once, as what it is at most.
+        order = np.lexsort((pixel, -value))
+        order = order[np.sort(np.unique(pixel[order], return_index=True)[1])]
+        self._points = (np.cumsum(image.valid.ravel()) - 1)[pixel[order]]
+
+    def most_important(self, count: int) -> Cloud:
+        """The first ``count`` of them, all if there are fewer, in row-major order."""
+        check_count(count)
+        cloud = self._measured.take(np.sort(self._points[:count]))
+        if self._creases_alone:
+            return cloud
+        return Cloud(points=cloud.points, normals=cloud.normals, border=np.zeros(len(cloud), dtype=bool))
+
+
+def check_count(count: int) -> None:
+    """Fewer than three points fix no motion: refused."""
     if count < 3:
         raise InputError(f"count is {count}, expected at least 3 control points")
-    measured = as_cloud(image, "the range image")
-    edges = _without_far_sides(find_edges(image, edge_options))
-    contours = find_contours(image, edges, kinds, contour_options)
-    if sum(map(len, contours.chains)) < 3:
-        words = ", ".join(kind.name.lower() for kind in ALL_KINDS if kind in kinds)
-        raise InputError(
-            f"the range image has no {words} contour to take control points from ({contours.outcome.sentence}): "
-            "use the kind subsample or vertices"
-        )
-    w = image.valid.shape[1]
-    pixel = np.concatenate([chain.pixels for chain in contours.chains]) @ [w, 1]
-    value = np.concatenate(importance(contours))
-    # A junction is in several chains: its pixel counts once, as what it is at most.
-    order = np.lexsort((pixel, -value))
-    order = order[np.sort(np.unique(pixel[order], return_index=True)[1])]
-    chosen = np.sort(pixel[order[:count]])
-    cloud = measured.take((np.cumsum(image.valid.ravel()) - 1)[chosen])
-    if set(kinds) == {EdgeKind.CREASE}:
-        return cloud
-    return Cloud(points=cloud.points, normals=cloud.normals, border=np.zeros(len(cloud), dtype=bool))
 
 
 def _without_far_sides(edges: EdgeMap) -> EdgeMap:

@@ -56,6 +56,11 @@ class Contours:
     count: int = 2000
     labels: tuple[Literal["crease", "depth", "border"], ...] = ("crease",)
 
+    @property
+    def kinds(self) -> list[EdgeKind]:
+        """The labels as kinds of edges."""
+        return [EdgeKind[label.upper()] for label in self.labels]
+
     def __post_init__(self) -> None:
         _check_count(self.count)
         if not self.labels:
@@ -110,7 +115,7 @@ def select(scan: RangeImage | Cloud | Float[np.ndarray, "n 3"], options: Control
             return mesh_control_points(scan, options.count, at=options.at, snap=options.snap)
         if isinstance(options, SplitVertices):
             return split_control_points(scan, options.count, at=options.at, contours=options.contours)
-        return contour_control_points(scan, options.count, [EdgeKind[label.upper()] for label in options.labels])
+        return contour_control_points(scan, options.count, options.kinds)
     cloud = as_cloud(scan)
     if options.how == "voxel":
         kept = voxel_subsample(cloud.points, options.count)

@@ -17,7 +17,7 @@ import numpy as np
 import polars
 from jaxtyping import Float
 
-from jaxmodel.control_points import ControlPoints, select
+from jaxmodel.control_points import Contours, ControlPoints, RankedContours, select
 from jaxmodel.errors import InputError
 from jaxmodel.geometry.masked import size_class
 from jaxmodel.io.results import RunDir, json_text
@@ -62,6 +62,7 @@ class Study(Prepared):
         self.registrations = sum(len(trial.starts) * len(trial.kinds) for trial in trials)
         self.bytes_needed = 20_000_000 + 800 * self.registrations
         self._made: dict[tuple[str, ControlPoints], tuple[Cloud, float]] = {}
+        self._ranked: dict[tuple[str, tuple[str, ...]], tuple[RankedContours, float]] = {}
         self._compiled: set[tuple[int, int]] = set()
         for trial in trials:
             _check_kinds(trial)
@@ -179,13 +180,30 @@ class Study(Prepared):
         found = []
         for scan, count in zip((trial.pair.target, trial.pair.source), counts, strict=True):
             options = dataclasses.replace(trial.kinds[kind], count=count)
-            key = hashlib.sha256(scan.points.tobytes()).hexdigest(), options  # a view can be in many pairs
-            if key not in self._made:
-                begun = time.perf_counter()
-                made = select(scan, options, self.config.seed)
-                self._made[key] = made, time.perf_counter() - begun
-            found.append(self._made[key])
+            found.append(self._selected(scan, options))
         return Points(found[0][0], found[1][0], found[0][1] + found[1][1])
+
+    def _selected(self, scan: RangeImage | Cloud, options: ControlPoints) -> tuple[Cloud, float]:
+        """Control points of one view and the seconds they take; nothing is made twice, and its time is told again."""
+        view = hashlib.sha256(scan.points.tobytes()).hexdigest()  # a view can be in many pairs
+        if (view, options) not in self._made:
+            if isinstance(options, Contours) and isinstance(scan, RangeImage):
+                ranked, before = self._contours(view, scan, options)
+                begun = time.perf_counter()
+                made = ranked.most_important(options.count)
+            else:
+                begun, before = time.perf_counter(), 0.0
+                made = select(scan, options, self.config.seed)
+            self._made[view, options] = made, before + time.perf_counter() - begun
+        return self._made[view, options]
+
+    def _contours(self, view: str, scan: RangeImage, options: Contours) -> tuple[RankedContours, float]:
+        """The ranked contours of a view, which give any number of points, and the seconds of their making."""
+        if (view, options.labels) not in self._ranked:
+            begun = time.perf_counter()
+            ranked = RankedContours(scan, options.kinds)
+            self._ranked[view, options.labels] = ranked, time.perf_counter() - begun
+        return self._ranked[view, options.labels]
 
 
 def _check_kinds(trial: Trial) -> None:
