@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from itertools import cycle
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,8 @@ from jaxmodel.view.figures import grid_of_axes, png_bytes
 COLORS = ("#1666b0", "#c8511b", "#3a923a", "#8e5ea2", "#7f7f7f", "#b8860b")
 _GROUP = 0.8
 """Share of a category's width that its bars fill together."""
+_LETTERS = 66
+"""Letters of the names along x that fit beside each other."""
 
 
 def chart_png(chart: Chart) -> bytes:
@@ -48,7 +51,10 @@ def _draw(axes: Any, panel: Panel) -> None:
     axes.set(xlabel=panel.x, ylabel=panel.y)
     axes.set_title(panel.title, fontsize=10)
     if names:
-        axes.set_xticks(range(len(names)), names, rotation=25 if max(map(len, names)) > 7 else 0, fontsize=7)
+        room = _LETTERS // len(names)
+        upright = all(len(word) <= room for name in names for word in name.split())
+        shown = [fill(name, room, break_long_words=False) for name in names] if upright else names
+        axes.set_xticks(range(len(names)), shown, rotation=0 if upright else 25, fontsize=7)
     if panel.log_x and not names:
         axes.set_xscale("log")
     if panel.log_y:
