@@ -95,7 +95,9 @@ def main() -> None:
     before, rest = readme.read_text().split(BEGIN)
     _, after = rest.split(END)
     readme.write_text(f"{before}{BEGIN}\n\n" + "\n".join(lines) + f"\n\n{END}{after}")
-    shutil.copyfile(runs / PICTURE, ROOT / "experiments" / "pictures" / "convergence.png")
+    pictures = ROOT / "experiments" / "pictures"
+    shutil.copyfile(runs / PICTURE, pictures / "convergence.png")
+    shutil.copyfile(given.chapter / "conclusion.png", pictures / "chapter2.png")
     print(f"wrote {len(lines) - 2} rows to {readme}")
 
 

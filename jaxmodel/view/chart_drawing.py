@@ -10,7 +10,7 @@ import numpy as np
 from jaxmodel.view.charts import Chart, Panel
 from jaxmodel.view.figures import grid_of_axes, png_bytes
 
-COLORS = ("#1666b0", "#c8511b", "#3a923a", "#8e5ea2", "#7f7f7f", "#b8860b")
+COLORS = ("#1666b0", "#c8511b", "#3a923a", "#8e5ea2", "#7f7f7f", "#b8860b", "#17a2b8", "#d0579b")
 _GROUP = 0.8
 """Share of a category's width that its bars fill together."""
 _LETTERS = 66
