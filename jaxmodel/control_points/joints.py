@@ -69,7 +69,8 @@ def joints_of(block: LineBlock, starts: Int[np.ndarray, " s"]) -> tuple[Joints, 
     # turns and steps are certain when no curvature of the sides explains them
     curved = np.ones(len(after), dtype=bool)
     free = [_at(side, curved, middle + crossing) for side in turning]
-    close = [_at(side, curved, middle + crossing) for side in _sides(block.data, starts, meeting, _STEP_READINGS)]
+    close = _sides(block.data, starts, meeting, _STEP_READINGS)
+    step, step_deviation = _least_step(close, np.stack([x[before], middle + crossing, x[after]]))
     share = np.clip(0.5 + 0.5 * np.divide(crossing, half, out=np.zeros_like(half), where=half > 0), 0.0, 1.0)
     inside = np.minimum(2, (parabolas.count - 1) // 2)
     joints = Joints(
@@ -80,13 +81,30 @@ def joints_of(block: LineBlock, starts: Int[np.ndarray, " s"]) -> tuple[Joints, 
         inner=np.stack(
             [block.place[before - inside[meeting.left]], block.place[after + inside[meeting.right]]], axis=1
         ),
-        step=close[1].value - close[0].value,
-        step_deviation=np.hypot(close[0].value_deviation, close[1].value_deviation),
+        step=step,
+        step_deviation=step_deviation,
         turn=sides[1].slope - sides[0].slope,
         certainty=(free[1].slope - free[0].slope) / np.hypot(free[0].slope_deviation, free[1].slope_deviation),
         tangents=np.stack([block.tangents(sides[0].slope, before), block.tangents(sides[1].slope, after)], axis=1),
     )
     return joints, tangents
+
+
+def _least_step(
+    sides: tuple[Parabolas, Parabolas], x: Float[np.ndarray, "3 k"]
+) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+    """The smallest step at three abscissae of each joint, 0 where its sign changes, and its standard deviation.
+
+    Curves that go through each other are no step, though the tangents may cross where the curves are well apart.
+    """
+    curved = np.ones(x.shape[1], dtype=bool)
+    places = [[_at(side, curved, at) for side in sides] for at in x]
+    steps = np.stack([right.value - left.value for left, right in places])
+    deviations = np.stack([np.hypot(left.value_deviation, right.value_deviation) for left, right in places])
+    least = np.argmin(np.abs(steps), axis=0)[None]
+    one_sign = np.abs(np.sign(steps).sum(axis=0)) == len(x)
+    step, deviation = (np.take_along_axis(part, least, axis=0)[0] for part in (steps, deviations))
+    return np.where(one_sign, step, 0.0), deviation
 
 
 class _Meetings(NamedTuple):
