@@ -48,10 +48,10 @@ def _mixed_end(
     at = np.flatnonzero(steps.jump & (steps.gap <= _REACH))
     at = at[at >= 1]
     sign = np.sign(steps.step[at])
-    far = distance[run_ends(np.where(steps.jump, np.sign(steps.step), 0.0))[at] + 1]
-    left = sign * (far - distance[at])
+    far = run_ends(np.where(steps.jump, np.sign(steps.step), 0.0))[at] + 1
+    left = sign * (distance[far] - distance[at])
     last = sign * steps.step[at - 1]
-    beside = (sign * steps.step[at] >= _BESIDE * left) & (last > 0)
+    beside = (last > 0) & (sign * steps.step[at] >= _BESIDE * left) & (steps.gap[far] > 0)
     at, sign, left, last = at[beside], sign[beside], left[beside], last[beside]
 
     # slopes towards the far surface between the last four readings

@@ -49,7 +49,7 @@ def find_steps(
     noise = np.hypot(sigma, np.append(sigma[1:], 0.0))
     limit = jump * nearer * np.sqrt(np.maximum(lines.gap, 1)) + DOUBT * noise
     slanted = np.where(linked & (np.abs(step) > 0.5 * limit), step, 0.0)
-    large = linked & (np.abs(step) > limit) & ~_even(slanted, DOUBT * np.sqrt(1.5) * noise)
+    large = linked & (np.abs(step) > limit) & ~_even(slanted)
     return Steps(step, lines.gap, large, large & ~_minor(slanted))
 
 
@@ -59,10 +59,10 @@ def run_ends(value: np.ndarray) -> Int[np.ndarray, " n"]:
     return np.flatnonzero(last)[np.cumsum(last) - last]
 
 
-def _even(step: Float[np.ndarray, " n"], noise: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
-    """Several steps in a row, of about one size: a surface seen at a slant. ``noise``: what they may differ by."""
+def _even(step: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Several steps in a row, of about one size: a surface seen at a slant."""
     size = np.abs(step)
-    differ = np.abs(np.diff(size)) > (1 - 1 / _EVEN) * np.maximum(size[1:], size[:-1]) + noise[1:]
+    differ = np.abs(np.diff(size)) > (1 - 1 / _EVEN) * np.maximum(size[1:], size[:-1])
     new = np.append(True, differ | (np.diff(np.sign(step)) != 0))[: len(step)]
     run = np.cumsum(new) - 1
     return (size > 0) & (np.bincount(run)[run] >= _SLOPE_RUN) if len(step) else size > 0
