@@ -12,6 +12,7 @@ from jaxmodel.control_points.steps import DOUBT, Steps, run_ends
 
 _BESIDE = 0.4  # of the way left to the far surface: the next step of a spoilt reading is larger
 _SPOILT = 0.1  # of the whole way: a reading nearer to a bent surface than that is taken for a part of it
+_SHARPER = 4.0  # times the turn it has seen that a surface may still turn by: a crease lies somewhere in its pixel
 _REACH = 2  # pixels from a spoilt reading to the far surface
 
 
@@ -66,7 +67,9 @@ def _mixed_end(
     leaves = last - slope * gap[0] > np.abs(slope) + pitch[at] + DOUBT * deviation
     one, two = 1 / gap[1], 1 / gap[2]
     deviation = sigma[at] * np.sqrt(one**2 + (one + two) ** 2 + two**2)
-    turned = rise[1] * one - rise[2] * two > pitch[at] + DOUBT * deviation
-    goes_on = (last < _BESIDE * (last + left)) & (last - rise[1] * one * gap[0] < _SPOILT * (last + left))
-    out[at] = (large[0] | (deep & ~large.any(axis=0) & leaves)) & ~(deep & turned & goes_on)
+    turn = rise[1] * one - rise[2] * two
+    turned = deep & (turn > pitch[at] + DOUBT * deviation) & (last < _BESIDE * (last + left))
+    more = last - rise[1] * one * gap[0]
+    goes_on = turned & (more < _SPOILT * (last + left)) & (more < _SHARPER * turn)
+    out[at] = (large[0] | (deep & ~large.any(axis=0) & leaves)) & ~goes_on
     return out
