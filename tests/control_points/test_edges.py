@@ -1,5 +1,6 @@
 """What the map of edges must show: known edges found and labelled right, nothing on smooth surfaces, hard inputs."""
 
+from functools import lru_cache
 from pathlib import Path
 
 import jax
@@ -190,15 +191,16 @@ def test_a_step_smaller_than_a_jump_is_depth_too(height: float) -> None:
     assert np.count_nonzero(found.kind[1:-1, 1:-1]) == 2 * 28
 
 
-NOT_YET = (0, 1, 2, 4, 5, 6, 8, 9, 10)
-"""Views on which up to 16 sound readings go with some 380 mixed ones, or depth marks lie up to 5 pixels off."""
+BETWEEN_FOOTPRINTS = (0, 4, 5, 8, 10)
+"""Views where the outline runs between two footprints for some pixels: there no footprint straddles it, and the marks
+on both sides of the jump, up to 5 pixels from the next one that does, count as off the outline."""
 
 
 @pytest.mark.parametrize(
     "seed",
     [
-        pytest.param(seed, marks=pytest.mark.xfail(strict=True, reason="sound readings lost or marks off, see NOT_YET"))
-        if seed in NOT_YET
+        pytest.param(seed, marks=pytest.mark.xfail(strict=True, reason="jumps between footprints lack in the outline"))
+        if seed in BETWEEN_FOOTPRINTS
         else seed
         for seed in range(12)
     ],
@@ -218,12 +220,34 @@ def test_mixed_points_of_a_real_beam_are_found(seed: int) -> None:
     assert (found.kind[~found.valid] == EdgeKind.NONE).all()
 
 
-def beam(seed: int) -> tuple[EdgeMap, np.ndarray, np.ndarray]:
-    """A map, the true outline and the mixed readings where each reading is the mean over a footprint of 4 x 4 rays."""
+@pytest.mark.parametrize("seed", range(12))
+def test_jumps_of_a_real_beam_stay_in_place_between_its_footprints_too(seed: int) -> None:
+    found, outline, mixed = beam(seed)
+    distance = rays_of_a_beam(seed)
+    jump = np.zeros(distance.shape, dtype=bool)
+    for axis in (0, 1):
+        lines, marked = np.swapaxes(distance, 0, axis), np.swapaxes(jump, 0, axis)
+        apart = np.abs(np.diff(lines, axis=0)) > 0.2
+        marked[:-1] |= apart
+        marked[1:] |= apart
+    everywhere = outline | jump.reshape(200, 4, 200, 4).any(axis=(1, 3))
+    assert (~found.valid & ~np.asarray(binary_dilation(mixed, np.ones((3, 3))), bool)).sum() <= 0.01 * mixed.sum()
+    assert np.asarray(distance_transform_edt(~everywhere))[found.kind == EdgeKind.DEPTH].max() <= 2
+
+
+@lru_cache
+def rays_of_a_beam(seed: int) -> np.ndarray:
+    """Distances along 800 x 800 rays to a box before nothing nearer than 4."""
     solid = known_solid("box")
     image = scan_mesh(solid.vertices, solid.faces, Sensor(width=800, height=800), pose(seed))
     distance = np.linalg.norm(image.points, axis=-1)
-    distance = np.where(np.isnan(distance), 4.0, distance).reshape(200, 4, 200, 4)
+    return np.where(np.isnan(distance), 4.0, distance)
+
+
+@lru_cache
+def beam(seed: int) -> tuple[EdgeMap, np.ndarray, np.ndarray]:
+    """A map, the true outline and the mixed readings where each reading is the mean over a footprint of 4 x 4 rays."""
+    distance = rays_of_a_beam(seed).reshape(200, 4, 200, 4)
     points = distance.mean(axis=(1, 3))[..., None] * pixel_rays(SENSOR).directions
     near, far = distance.min(axis=(1, 3)), distance.max(axis=(1, 3))
     share = (distance > 0.5 * (near + far)[:, None, :, None]).mean(axis=(1, 3))

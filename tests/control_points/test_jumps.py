@@ -79,3 +79,24 @@ def test_noise_makes_no_jump() -> None:
 
 def test_no_reading_at_all() -> None:
     assert readings(np.zeros((3, 4), dtype=bool)).pixel.shape == (0,)
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+@pytest.mark.parametrize("readings_on_it", [2, 3])
+def test_a_steep_face_at_an_outline_keeps_its_readings(readings_on_it: int, backwards: bool) -> None:
+    """Steps of 6 pitches, each beyond a jump, which begin with half a step: the crease lies between two readings."""
+    face = 3.0 + 6.0 * np.arange(readings_on_it)
+    line = np.concatenate([np.full(10, 100.0), 100.0 + face, np.full(10, 250.0)])
+    jumps, mixed, _ = found(line[::-1] if backwards else line)
+    assert mixed == []
+    assert jumps == [9 if backwards else 9 + readings_on_it]
+
+
+def test_a_mixed_point_beside_a_steep_face_is_found_alone() -> None:
+    line = np.concatenate([np.full(10, 100.0), [103.0, 109.0, 115.0, 170.0], np.full(10, 250.0)])
+    assert found(line)[1] == [13]
+
+
+def test_an_uneven_row_of_large_steps_is_no_steep_surface() -> None:
+    line = np.concatenate([np.full(10, 100.0), [121.0, 194.0, 235.0], np.full(10, 265.0)])
+    assert found(line)[1] == [10, 11, 12]
