@@ -170,7 +170,7 @@ def _at(parabolas: Parabolas, bent: Bool[np.ndarray, " k"], x: Float[np.ndarray,
     excess = np.sqrt(np.maximum(parabolas.misfit / np.maximum(parabolas.count - 3, 1), 1.0))
     value, slope = parabolas.polynomials(x), parabolas.derivatives(x)
     slope_deviation = np.sqrt(np.sum(slope * slope * variance, axis=0)) * excess
-    slope_deviation[parabolas.count < 2] = np.inf
+    slope_deviation[parabolas.norms[1] <= 0] = np.inf  # one abscissa
     return _Place(
         np.sum(used * value, axis=0),
         np.sqrt(np.sum(value * value * variance, axis=0)) * excess,

@@ -36,9 +36,8 @@ def mixed_points(
 
 def spikes(steps: Steps) -> Bool[np.ndarray, " n"]:
     """Readings with a jump on both sides, of opposite signs."""
-    before = np.append(False, steps.jump[:-1])
-    step = np.append(0.0, steps.step[:-1])
-    return before & steps.jump & (step * steps.step < 0)
+    way = np.where(steps.jump, np.sign(steps.step), 0.0)
+    return np.append(0.0, way[:-1]) * way < 0
 
 
 def _mixed_end(

@@ -19,7 +19,8 @@ from jaxmodel.scan.range_image import RangeImage, Scan
 BRIDGE = 2  # missing readings in a row that a surface may reach across
 _BLOCK = 1 << 14  # pixels treated together: their arrays stay in the cache
 _SAMPLE = 1 << 18  # pixels that medians over the whole image are taken from
-_SECTOR = 2.0  # radian seen in one frame; a wider line is cut
+_SECTOR = 2.0  # length of the rays' path on the unit sphere seen in one frame; a longer line is cut
+_APART = 1.0  # between the ends of neighbouring unit rays: with that, all rays are within 60 degrees of their middle
 _THIRD = np.sqrt(20.0)  # standard deviation of a third difference of unit noise
 
 
@@ -167,12 +168,12 @@ def line_frames(
         turned -= turned[new][np.cumsum(new) - 1]
         # lines in turn are cut at different places, so no edge of the scene lies along all cuts
         sector = np.floor(turned / _SECTOR + 0.5 * (line % 2) * (turned.max() > _SECTOR)).astype(np.int64)
-        new |= np.append(True, np.diff(sector) != 0)
+        new |= np.append(True, np.diff(sector) != 0) | (turn > _APART)
     starts = np.flatnonzero(new)
     group = np.cumsum(new) - 1
     count = np.diff(np.append(starts, len(line)))
     if toward is None:
-        middle = np.add.reduceat(rays, starts, axis=0)
+        middle = rays[starts] + rays[starts + count - 1]
         middle /= np.linalg.norm(middle, axis=1, keepdims=True)
     else:
         middle = np.broadcast_to(-toward, (len(starts), 3))
