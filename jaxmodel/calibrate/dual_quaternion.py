@@ -1,7 +1,8 @@
 """Daniilidis's unit dual quaternions (RR-3507 §2.2.2): rotation and translation at once, from the screws' axes.
 
-It weighs rotation and translation by the unit of length and needs rotations large enough to have axes. Signs are those
-of the linear solution: equal scalar parts are not enough near pi (ERRATA).
+It weighs rotation and translation by the unit of length, and at small rotations that costs digits: two exact motions
+of 1e-4 rad and unit length are its limit. Signs are those of the linear solution: equal scalar parts are not enough
+near pi (ERRATA).
 """
 
 import jax
@@ -11,7 +12,7 @@ from jaxtyping import Float
 from jaxmodel.calibrate.estimate import Estimate
 from jaxmodel.calibrate.linear import linear_rotation, linear_translation
 from jaxmodel.calibrate.pairs import Pairs, align_signs, pair_sums, quaternions
-from jaxmodel.geometry.eigen import smallest_eigenvector
+from jaxmodel.geometry.eigen import largest_eigenvector
 from jaxmodel.geometry.elimination import inverse_positive
 from jaxmodel.geometry.polar import skew
 from jaxmodel.geometry.rigid_fit import rotation_from_quaternion
@@ -49,16 +50,21 @@ def _dual_part(q: Float[jax.Array, "n 4"], t: Float[jax.Array, "n 3"]) -> Float[
 
 
 def _null_plane(T: Float[jax.Array, "m 8"]) -> tuple[Float[jax.Array, "8"], Float[jax.Array, "8"]]:
-    """An orthonormal basis of the plane of the two smallest singular vectors."""
-    size = jnp.sqrt(jnp.sum(T * T))
-    T = T / jnp.where(size > 0, size, 1.0)
-    normal = jnp.matmul(T.T, T, precision=jax.lax.Precision.HIGHEST)
-    v_8 = smallest_eigenvector(normal)
-    v_7 = smallest_eigenvector(normal + jnp.outer(v_8, v_8))
-    inverse = inverse_positive(normal + 1e-15 * jnp.eye(8, dtype=T.dtype))
+    """An orthonormal basis of the plane of the two smallest singular vectors.
+
+    Small rotations leave the columns of the dual part small, and the condition number would be that of their square:
+    the inverse of ``T^T T`` is taken with both halves of the columns brought to one size.
+    """
+    halves = jnp.stack([jnp.sqrt(jnp.sum(T[:, :4] ** 2)), jnp.sqrt(jnp.sum(T[:, 4:] ** 2))])
+    scale = jnp.repeat(1 / jnp.where(halves > 0, halves, 1.0), 4)
+    even = T * scale
+    normal = jnp.matmul(even.T, even, precision=jax.lax.Precision.HIGHEST)
+    inverse = inverse_positive(normal + 1e-15 * jnp.eye(8, dtype=T.dtype)) * scale[:, None] * scale[None, :]
+    v_8, _ = largest_eigenvector(inverse)
+    v_7, _ = largest_eigenvector(inverse - (v_8 @ inverse @ v_8) * jnp.outer(v_8, v_8))
     basis = _orthonormal(jnp.stack([v_8, v_7], axis=1))
     # residuals taken row by row give back the digits that the normal matrix squared away
-    for _ in range(2):
+    for _ in range(4):
         step = inverse @ (T.T @ (T @ basis))
         basis = _orthonormal(basis - (step - basis @ (basis.T @ step)))
     return basis[:, 1], basis[:, 0]

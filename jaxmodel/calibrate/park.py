@@ -5,7 +5,9 @@ needs three), since the fit is Horn's quaternion one. It needs rotations with a 
 those of the linear solution.
 """
 
+import jax
 import jax.numpy as jnp
+from jaxtyping import Float
 
 from jaxmodel.calibrate.estimate import Estimate
 from jaxmodel.calibrate.linear import linear_rotation, linear_translation
@@ -24,9 +26,16 @@ def solve_park(pairs: Pairs, unknown_scale: bool = False) -> Estimate:
     other = b - 2 * jnp.pi * b / jnp.where(length > 0, length, 1.0)
     nearer = jnp.sum((a - other @ R_linear.T) ** 2, axis=1) < jnp.sum((a - b @ R_linear.T) ** 2, axis=1)
     b = jnp.where(nearer[:, None] & (length > 1e-3), other, b)
-    covariance = jnp.einsum("n,ni,nj->ij", pairs.weight, b, a)
+    return linear_translation(sums, rotation_between(a, b, pairs.weight), unknown_scale)
+
+
+def rotation_between(
+    a: Float[jax.Array, "n 3"], b: Float[jax.Array, "n 3"], weight: Float[jax.Array, " n"]
+) -> Float[jax.Array, "3 3"]:
+    """The R of least ``sum w |a - R b|^2`` (Horn 1987)."""
+    covariance = jnp.einsum("n,ni,nj->ij", weight, b, a)
     size = jnp.sqrt(jnp.sum(covariance * covariance))
     zero = jnp.zeros(3, size.dtype)
-    moments = Moments(jnp.sum(pairs.weight), zero, zero, covariance / jnp.where(size > 0, size, 1.0))
+    moments = Moments(jnp.sum(weight), zero, zero, covariance / jnp.where(size > 0, size, 1.0))
     quaternion, _ = quaternion_from_moments(moments)
-    return linear_translation(sums, rotation_from_quaternion(quaternion), unknown_scale)
+    return rotation_from_quaternion(quaternion)

@@ -19,6 +19,7 @@ from jaxmodel.calibrate.observability import Observability
 from jaxmodel.calibrate.outcome import Outcome
 from jaxmodel.calibrate.pairs import Pairs, make_pairs, pair_sums
 from jaxmodel.calibrate.park import solve_park
+from jaxmodel.calibrate.quaternion import solve_quaternion
 from jaxmodel.calibrate.refine import residuals
 from jaxmodel.calibrate.rigid import checked_motions
 from jaxmodel.calibrate.tsai_lenz import solve_tsai_lenz
@@ -33,6 +34,7 @@ METHODS: dict[str, Callable[[Pairs, bool], Estimate]] = {
     "tsai_lenz": solve_tsai_lenz,
     "dual_quaternion": solve_dual_quaternion,
     "park": solve_park,
+    "quaternion": solve_quaternion,
     "nonlinear": solve_nonlinear,
     "nonlinear_b": partial(solve_nonlinear, noise_in="B"),
     "quaternion_penalty": lambda pairs, _: solve_quaternion_penalty(pairs, QuaternionWeights()),
@@ -88,9 +90,9 @@ def solve(
 
     ``unknown_scale``: A's translations are known up to one common factor (eq. 4.1), which is found too. Methods:
     ``linear`` (RR-3507 ch. 3), ``linear_one_step`` (eq. 3.12), ``tsai_lenz``, ``dual_quaternion``, ``park``,
-    ``nonlinear`` (noise in A; ``nonlinear_b``: in B) and ``quaternion_penalty`` (§2.2.3). From absolute poses prefer
-    ``calibrate_poses``. Raises :class:`InputError` naming the row and its defect. One motion, or motions that leave
-    something undetermined, give a partial answer with its verdict.
+    ``quaternion``, ``nonlinear`` (noise in A; ``nonlinear_b``: in B) and ``quaternion_penalty`` (§2.2.3). From absolute
+    poses prefer ``calibrate_poses``. Raises :class:`InputError` naming the row and its defect. One motion, or motions
+    that leave something undetermined, give a partial answer with its verdict.
     """
     A, B = checked_motions(A, "A"), checked_motions(B, "B")
     if len(A) != len(B):
