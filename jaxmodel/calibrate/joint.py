@@ -44,7 +44,7 @@ class JointSolution(eqx.Module):
     """X and Z of ``H X C = Z`` with the covariance of (rotation, translation) of X, then of Z, and scale.
 
     Errors are ``R <- exp(d) R`` (rad) and ``t <- t + e``. ``rotation_noise`` and ``translation_noise`` are the standard
-    deviations of one component of the noisy stream; ``freedom`` their degrees of freedom.
+    deviations of one component of the noisy stream; ``freedom`` the degrees of freedom of the less well known of both.
     """
 
     X: Pose
@@ -177,7 +177,7 @@ def solve_joint(
         covariance,
         jnp.sqrt(variance[0]),
         jnp.sqrt(variance[1]),
-        6.0 * count - size,
+        3.0 * count - jnp.maximum(*shares),
         jnp.sqrt(jnp.sum(rotation**2, axis=1)),
         jnp.sqrt(jnp.sum(translation**2, axis=1)),
         influence,

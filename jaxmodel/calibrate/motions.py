@@ -71,20 +71,29 @@ class MotionPairs:
 def motion_pairs(poses: Chain, choice: PairChoice = "all", count: int | None = None) -> MotionPairs:
     """Motions between poses: A = C_j C_i^-1 and B = H_j^-1 H_i, so that ``A Y = Y B`` with Y = X^-1 (RR-3507's X).
 
-    ``all``: every i < j; ``consecutive``: neighbours in time; ``spread``: ``count`` pairs (default: as many as poses)
-    that together say most. Motions of large angle and unlike axes are best (RR-3507 §3.6.1 after Tsai and Lenz).
+    ``all``: every two poses once; ``consecutive``: neighbours in time; ``spread``: ``count`` pairs (default: as many as
+    poses) that together say most. Motions of large angle and unlike axes are best (RR-3507 §3.6.1 after Tsai and Lenz).
+
+    A motion and its reverse are not the same measurement to a least-squares method, so ``all`` and ``spread`` put the
+    poses in an order of their own first: however the rows are permuted, the pairs are the same.
     """
     n = len(poses.H)
     if choice == "consecutive":
         index = np.stack([np.arange(n - 1), np.arange(1, n)], axis=1) if n > 1 else np.zeros((0, 2), int)
     else:
-        index = np.stack(np.triu_indices(n, 1), axis=1)
+        index = order_by_content(poses)[np.stack(np.triu_indices(n, 1), axis=1)]
     if choice == "spread":
         index = index[_spread(poses.H, index, n if count is None else count)]
     i, j = index[:, 0], index[:, 1]
     A = poses.C[j] @ se3.inverse(poses.C[i])
     B = se3.inverse(poses.H[j]) @ poses.H[i]
     return MotionPairs(A, B, index)
+
+
+def order_by_content(poses: Chain) -> Int[np.ndarray, " n"]:
+    """The rows in an order that depends on the poses themselves and not on how they are listed."""
+    n = len(poses.H)
+    return np.lexsort(np.concatenate([poses.C.reshape(n, 16), poses.H.reshape(n, 16)], axis=1).T)
 
 
 def _spread(H: np.ndarray, index: np.ndarray, count: int) -> np.ndarray:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation
 from scipy.stats import f as fisher
 
@@ -82,16 +82,21 @@ def noise_level(
     return NoiseLevel(rotation, translation, freedom)
 
 
-def without_noise_rotations(
-    A: Float[np.ndarray, "n 4 4"], B: Float[np.ndarray, "n 4 4"]
-) -> tuple[Float[np.ndarray, "n 4 4"], Float[np.ndarray, "n 4 4"]]:
-    """The motions with rotations that are mere noise set to the identity: as they stand, t_X could fit anything.
+def only_noise_rotations(A: Float[np.ndarray, "n 4 4"], B: Float[np.ndarray, "n 4 4"]) -> Bool[np.ndarray, " n"]:
+    """Which motions' rotations are mere noise.
 
     The noise is that of the angles, which A and B must share whatever X is; six times its size is taken for a rotation.
     """
     angles = [np.radians(se3.rotation_angle_deg(T[:, :3, :3])) for T in (A, B)]
     noise = np.sqrt(np.mean((angles[0] - angles[1]) ** 2)) + 4 * np.finfo(np.float64).eps
-    none = np.maximum(*angles) < 6 * noise
+    return np.asarray(np.maximum(*angles) < 6 * noise)
+
+
+def without_noise_rotations(
+    A: Float[np.ndarray, "n 4 4"], B: Float[np.ndarray, "n 4 4"]
+) -> tuple[Float[np.ndarray, "n 4 4"], Float[np.ndarray, "n 4 4"]]:
+    """The motions with rotations that are mere noise set to the identity: as they stand, t_X could fit anything."""
+    none = only_noise_rotations(A, B)
     A, B = A.copy(), B.copy()
     A[none, :3, :3] = B[none, :3, :3] = np.eye(3)
     return A, B

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from jaxmodel.calibrate.joint import Noise
-from jaxmodel.calibrate.motions import Chain, Setup, chain
+from jaxmodel.calibrate.motions import Chain, Setup, chain, order_by_content
 from jaxmodel.calibrate.poses import HandEye, calibrate_poses
 from jaxmodel.calibrate.rigid import checked_motions
 from jaxmodel.calibrate.solve import Calibration, solve, solve_many
@@ -58,7 +58,7 @@ def consensus(
     n = len(hand)
     if n < SUBSET + 2:
         raise InputError(f"{n} poses are too few to tell which are wrong; at least {SUBSET + 2} are needed.")
-    order = np.lexsort(np.concatenate([poses.H.reshape(n, 16), poses.C.reshape(n, 16)], axis=1).T)
+    order = order_by_content(poses)
     X = _candidates(Chain(poses.H[order], poses.C[order]), key, draws)
     best = X[int(np.argmin([_spread(poses, one) for one in X]))]
     inlier = _score(poses, best, np.ones(n, bool), True) < chi2.ppf(CONFIDENCE, 6)

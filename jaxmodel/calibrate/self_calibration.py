@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial.transform import Rotation
 
 from jaxmodel.calibrate.conclude import pair_residuals
-from jaxmodel.calibrate.observability import noise_level, stands_out
+from jaxmodel.calibrate.observability import NoiseLevel, noise_level, only_noise_rotations, stands_out
 from jaxmodel.calibrate.outcome import Outcome
 from jaxmodel.calibrate.rigid import checked_motions
 from jaxmodel.calibrate.solve import solve
@@ -110,13 +110,12 @@ def _solve_groups(A: np.ndarray, B: np.ndarray, R: np.ndarray, index: np.ndarray
     n, count = len(A), int(index.max(initial=-1)) + 1
     left, right = _rows(A, B, R, index)
     # columns of unlike units: scaled before the rank is looked at
-    size = np.linalg.norm(left, axis=0)
-    size[size == 0] = 1.0
+    size = _column_sizes(left)
     solution = np.linalg.lstsq(left / size, right, rcond=1e-12)[0] / size
     if refine:
         R, solution = _refine(A, B, R, solution, index)
         left, right = _rows(A, B, R, index)
-        size = np.maximum(np.linalg.norm(left, axis=0), 1e-300)
+        size = _column_sizes(left)
     X = np.eye(4)
     X[:3, :3], X[:3, 3] = R, solution[:3]
     scale = solution[3:]
@@ -125,25 +124,40 @@ def _solve_groups(A: np.ndarray, B: np.ndarray, R: np.ndarray, index: np.ndarray
     angle, distance = pair_residuals(scaled, B, X)
     reach = float(np.sqrt(np.sum(X[:3, 3] ** 2) + np.max(np.sum(B[:, :3, 3] ** 2, axis=1))))
     noise = noise_level(angle, distance, reach, unknowns=min(3 + count, 3 * n - 1))
-    # eq. 4.1 divided by the scale of a group is homogeneous in (t_X, scales) where the hand only turns: what the hand
-    # itself says is R_X t_B, less what a shift of its centre of turning explains
-    own = _hand_information(A, B, R)
-    tied = not stands_out(own[0] - INFORMATION_RATIO * own[1], 3 * n - 3, noise.translation, noise.freedom)
-    determined = np.zeros(count, bool)
-    covariance = np.linalg.pinv((left / size).T @ (left / size), rcond=1e-12) / np.outer(size, size)
-    deviation = np.sqrt(noise.translation * np.diag(covariance)[3:])
-    values = np.linalg.svd(left / size, compute_uv=False)
-    whole = values[-1] > 1e-7 * values[0]
-    for g in range(count):
-        determined[g] = not tied and whole and scale[g] > 0 and deviation[g] < 0.5 * abs(scale[g])
+    # a group of pure translations says nothing but its own scale (the rank that eq. 4.4 misses): the others are looked
+    # at without it
+    turning = np.zeros(count, bool)
+    turning[index[~only_noise_rotations(A, B)]] = True
+    tied = _tied(A[turning[index]], B[turning[index]], R, noise)
+    deviation = np.sqrt(noise.translation * np.diag(np.linalg.pinv((left / size).T @ (left / size), rcond=1e-12)))
+    deviation = deviation[3:] / size[3:]
+    _, values, V = np.linalg.svd(left / size)
+    loose = np.abs(V[np.append(values, np.zeros(len(V) - len(values))) < 1e-7 * values[0]]).max(axis=0, initial=0.0)
+    known = (loose[3:] < 1e-6) & (scale > 0) & (deviation < 0.5 * np.abs(scale))
+    determined = known & ~(turning & tied)
     if tied:
         # the null vector of eq. 4.3 / 4.4, scaled to a first scale of 1
-        null = np.linalg.svd(left / size)[2][-1] / size
+        columns = np.append(np.arange(3), 3 + np.flatnonzero(turning))
+        null = np.linalg.svd((left / size)[:, columns])[2][-1] / size[columns]
         X[:3, 3] = null[:3] / null[3] if null[3] != 0 else np.nan
-        scale = np.full(count, np.nan)
-    outcome = Outcome.SCALE_TIED if tied or not determined.any() else Outcome.SOLVED
+    whole = not tied and loose[:3].max() < 1e-6 and determined.any()
+    outcome = Outcome.SOLVED if whole else Outcome.SCALE_TIED
     scale, deviation = (np.where(determined, values, np.nan) for values in (scale, deviation))
     return SelfCalibration(X, scale, deviation, determined, index, outcome, angle, distance)
+
+
+def _column_sizes(matrix: Float[np.ndarray, "m u"]) -> Float[np.ndarray, " u"]:
+    size = np.linalg.norm(matrix, axis=0)
+    return np.where(size > 0, size, 1.0)
+
+
+def _tied(A: np.ndarray, B: np.ndarray, R: np.ndarray, noise: NoiseLevel) -> bool:
+    """Whether the hand only turned about one fixed point, so that eq. 4.1 is homogeneous in translation and scales.
+
+    What the hand itself says is R_X t_B, less what a shift of its centre of turning explains.
+    """
+    own, whole = _hand_information(A, B, R)
+    return not stands_out(own - INFORMATION_RATIO * whole, 3 * len(A) - 3, noise.translation, noise.freedom)
 
 
 def _hand_information(A: np.ndarray, B: np.ndarray, R: np.ndarray) -> tuple[float, float]:
