@@ -1,0 +1,227 @@
+"""Poses of a calibration target from images, and the camera itself where it is not known (OpenCV, CPU)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from jaxmodel.calibrate.target import Target, TargetKind
+from jaxmodel.errors import InputError
+from jaxmodel.geometry import se3
+from jaxmodel.scan.camera import Camera
+
+__all__ = ["Target", "TargetKind", "TargetPoses", "target_poses"]
+
+FEWEST_CORNERS = 6
+FEWEST_VIEWS = 3
+FLATNESS = 0.05  # corners nearer than this share of their spread to one line give no pose
+FOCAL_UNCERTAINTY = 0.05
+DOUBT = 5.0**2  # the mirrored pose is in the running while it is less than five standard deviations worse
+
+
+@dataclass(frozen=True)
+class TargetPoses:
+    """The target's pose in each image, in the unit of the target.
+
+    ``T_camera_target (n, 4, 4)``, ``reprojection_px (n,)`` (root mean square distance of the corners) and ``corners
+    (n, m, 2)`` (pixels of ``target.points``) are NaN where the target, or a corner, was not found. ``ambiguous``: the
+    pose mirrored in the image plane fits as well, as far as the corners' noise can tell (a small or distant target).
+    ``camera``: the one given, or estimated from the same images.
+    """
+
+    T_camera_target: Float[np.ndarray, "n 4 4"]
+    found: Bool[np.ndarray, " n"]
+    reprojection_px: Float[np.ndarray, " n"]
+    camera: Camera
+    corners: Float[np.ndarray, "n m 2"]
+    ambiguous: Bool[np.ndarray, " n"]
+
+
+def target_poses(images: Sequence[Path], target: Target, camera: Camera | None = None) -> TargetPoses:
+    """Find ``target`` in each image and its pose by least squares on the corners' pixels; poses keep the images' order.
+
+    Corners are found to a fraction of a pixel. A flat target has two candidate poses: both are refined and the better
+    is kept (Collins and Bartoli 2014). A chessboard must be seen whole; of ChArUco boards and tags a part is enough.
+    Its half turn is settled by its colours. Without ``camera`` the intrinsic parameters are estimated first, with as
+    many distortion terms as the images speak for (Bayesian information criterion); at least 3 tilted views are needed.
+
+    Images keep the sensor's own orientation. Raises :class:`InputError` for an unreadable image, images of another
+    size than the camera's or each other's, a target seen in none of them, images that do not determine the camera, or
+    absent OpenCV.
+    """
+    cv2 = _opencv()
+    if not images:
+        raise InputError("No images were given.")
+    size = None if camera is None else (camera.width, camera.height)
+    corners = []
+    for path in images:
+        grey = _grey(cv2, Path(path))
+        seen = (grey.shape[1], grey.shape[0])
+        if size is None:
+            size = seen
+        if seen != size:
+            whose = (
+                f"the first image has {size[0]} x {size[1]}"
+                if camera is None
+                else f"the camera is for {size[0]} x {size[1]}"
+            )
+            raise InputError(f"{path} has {seen[0]} x {seen[1]} pixels, but {whose}.")
+        corners.append(_find(cv2, grey, target))
+    corners = np.stack(corners)
+    usable = np.array([_spread_out(target.points[np.isfinite(one[:, 0])]) for one in corners])
+    corners[~usable] = np.nan
+    if not usable.any():
+        raise InputError(f"None of the {len(images)} images shows the target ({target.sentence}).")
+    if camera is None:
+        assert size is not None
+        camera = _estimate_camera(cv2, target.points, corners[usable], size)
+    n = len(images)
+    poses, error, doubt = np.full((n, 4, 4), np.nan), np.full(n, np.nan), np.zeros(n, bool)
+    for k in np.flatnonzero(usable):
+        poses[k], error[k], doubt[k] = _pose(cv2, target.points, corners[k], camera)
+    return TargetPoses(poses, usable, error, camera, corners, doubt)
+
+
+def _find(cv2: Any, grey: np.ndarray, target: Target) -> Float[np.ndarray, "m 2"]:
+    """Pixels of the target's corners, NaN where not seen."""
+    corners = np.full((len(target.points), 2), np.nan)
+    if target.kind == "chessboard":
+        found = _chessboard(cv2, grey, target.columns, target.rows)
+        return corners if found is None else found
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{target.dictionary_name}"))
+    if target.kind == "charuco":
+        board = cv2.aruco.CharucoBoard((target.columns, target.rows), target.square, target.marker, dictionary)
+        pixels, numbers, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(grey)
+        if numbers is not None:
+            pixels, numbers = pixels.reshape(-1, 2).astype(np.float32), numbers.reshape(-1)
+            shift = target.points[numbers[:, None], :2] - target.points[None, numbers, :2]
+            corners[numbers] = _refined(cv2, grey, pixels, np.linalg.norm(shift, axis=2), target.square)
+        return corners
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    tags, numbers, _ = cv2.aruco.ArucoDetector(dictionary, parameters).detectMarkers(grey)
+    for tag, number in zip(tags, [] if numbers is None else numbers.reshape(-1), strict=True):
+        if number < target.columns * target.rows:
+            corners[4 * number : 4 * number + 4] = tag.reshape(4, 2)
+    return corners
+
+
+def _chessboard(cv2: Any, grey: np.ndarray, columns: int, rows: int) -> Float[np.ndarray, "m 2"] | None:
+    """Inner corners, the first with a black inner square, the rows running clockwise of the columns; or None."""
+    flags = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_NORMALIZE_IMAGE
+    found, pixels = cv2.findChessboardCornersSB(grey, (columns, rows), flags=flags)
+    if not found:
+        found, pixels = cv2.findChessboardCorners(grey, (columns, rows))
+        if not found:
+            return None
+    lattice = pixels.reshape(rows, columns, 2).astype(np.float32)
+    (ax, ay), (bx, by) = lattice[0, -1] - lattice[0, 0], lattice[-1, 0] - lattice[0, 0]
+    if ax * by - ay * bx < 0:
+        lattice = lattice[:, ::-1]
+    middle = (lattice[1:, 1:] + lattice[1:, :-1] + lattice[:-1, 1:] + lattice[:-1, :-1]) / 4
+    shade = cv2.remap(grey, np.ascontiguousarray(middle), None, cv2.INTER_LINEAR).astype(np.float64)
+    even = np.add.outer(np.arange(rows - 1), np.arange(columns - 1)) % 2 == 0
+    if shade[even].mean() > shade[~even].mean():
+        lattice = lattice[::-1, ::-1]
+    pixels = np.ascontiguousarray(lattice.reshape(-1, 2))
+    k = np.arange(rows * columns)
+    cells = np.stack([k % columns, k // columns], axis=1).astype(float)
+    return _refined(cv2, grey, pixels, np.linalg.norm(cells[:, None] - cells[None], axis=2), 1.0)
+
+
+def _refined(
+    cv2: Any, grey: np.ndarray, pixels: np.ndarray, apart: Float[np.ndarray, "k k"], square: float
+) -> Float[np.ndarray, "k 2"]:
+    """Saddle points refined in a window that reaches to a third of the way to the nearest neighbouring corner."""
+    distance = np.linalg.norm(pixels[:, None] - pixels[None], axis=2)
+    beside = (apart > 0) & (apart < 1.2 * square)
+    nearest = float(distance[beside].min()) if beside.any() else 6.0
+    half = int(np.clip(nearest / 3, 2, 12))
+    criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-4)
+    return cv2.cornerSubPix(grey, pixels.copy().reshape(-1, 1, 2), (half, half), (-1, -1), criteria).reshape(-1, 2)
+
+
+def _spread_out(points: Float[np.ndarray, "k 3"]) -> bool:
+    """Whether corners are enough, and not all on one line."""
+    if len(points) < FEWEST_CORNERS and len(points) != 4:
+        return False
+    values = np.linalg.svd(points[:, :2] - points[:, :2].mean(axis=0), compute_uv=False)
+    return bool(values[1] > FLATNESS * values[0])
+
+
+def _pose(
+    cv2: Any, points: np.ndarray, corners: np.ndarray, camera: Camera
+) -> tuple[Float[np.ndarray, "4 4"], float, bool]:
+    """The better of the two poses of a flat target, its root mean square error in pixels, whether the other may be."""
+    seen = np.isfinite(corners[:, 0])
+    points, pixels = points[seen], np.ascontiguousarray(corners[seen])
+    candidates = []
+    _, turns, shifts, _ = cv2.solvePnPGeneric(points, pixels, camera.K, camera.distortion, flags=cv2.SOLVEPNP_IPPE)
+    for turn, shift in zip(turns, shifts, strict=True):
+        turn, shift = cv2.solvePnPRefineLM(points, pixels, camera.K, camera.distortion, turn, shift)
+        reprojected = cv2.projectPoints(points, turn, shift, camera.K, camera.distortion)[0].reshape(-1, 2)
+        squares = float(np.sum((reprojected - pixels) ** 2))
+        candidates.append((squares, se3.compose(cv2.Rodrigues(turn)[0], shift.reshape(3))))
+    candidates.sort(key=lambda one: one[0])
+    squares, T = candidates[0]
+    doubt = False
+    if len(candidates) > 1 and se3.rotation_angle_deg(candidates[1][1][:3, :3] @ T[:3, :3].T) > 1e-2:
+        variance = squares / max(2 * len(points) - 6, 1)
+        doubt = candidates[1][0] - squares < DOUBT * variance
+    return T, float(np.sqrt(squares / len(points))), bool(doubt)
+
+
+def _estimate_camera(
+    cv2: Any, points: np.ndarray, corners: Float[np.ndarray, "v m 2"], size: tuple[int, int]
+) -> Camera:
+    """Intrinsic parameters (Zhang 2000), the number of distortion terms by the Bayesian information criterion."""
+    if len(corners) < FEWEST_VIEWS:
+        raise InputError(
+            f"The target was found in {len(corners)} images; at least {FEWEST_VIEWS} are needed to estimate the camera "
+            "too: give more, or a camera file."
+        )
+    seen = np.isfinite(corners[..., 0])
+    known = [points[one].astype(np.float32) for one in seen]
+    pixels = [view[one].astype(np.float32) for view, one in zip(corners, seen, strict=True)]
+    count = 2 * int(seen.sum())
+    radial = (cv2.CALIB_FIX_K1, cv2.CALIB_FIX_K2, cv2.CALIB_FIX_K3)
+    level = cv2.CALIB_ZERO_TANGENT_DIST
+    models = ((0, level | sum(radial)), (1, level | radial[1] | radial[2]), (2, level | radial[2]), (5, 0))
+    best, lowest = None, np.inf
+    for terms, flags in models:
+        try:
+            solved = cv2.calibrateCameraExtended(known, pixels, size, None, None, flags=flags)
+        except cv2.error:
+            continue
+        squares = count / 2 * solved[0] ** 2
+        criterion = count * np.log(max(squares / count, 1e-12)) + (4 + terms) * np.log(count)
+        if np.isfinite(criterion) and criterion < lowest:
+            best, lowest = solved, criterion
+    unsure = np.inf if best is None else float(np.max(best[5][:2, 0] / np.diag(best[1])[:2]))
+    if best is None or not unsure < FOCAL_UNCERTAINTY:
+        raise InputError(
+            f"The {len(corners)} images that show the target do not determine the camera (focal length to within "
+            f"{100 * unsure:.0f} %): show it tilted in several directions, or give a camera file."
+        )
+    return Camera(np.asarray(best[1]), np.asarray(best[2]).reshape(-1), *size)
+
+
+def _grey(cv2: Any, path: Path) -> Int[np.ndarray, "h w"]:
+    if not path.is_file():
+        raise InputError(f"There is no file {path}.")
+    data = np.fromfile(path, np.uint8)
+    grey = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION) if len(data) else None
+    if grey is None:
+        raise InputError(f"{path} cannot be read as an image.")
+    return grey
+
+
+def _opencv() -> Any:
+    try:
+        import cv2
+    except ImportError:
+        raise InputError("Targets in images need OpenCV; install it with: pip install 'jaxmodel[images]'.") from None
+    return cv2
