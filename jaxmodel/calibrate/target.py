@@ -90,7 +90,7 @@ class Target:
             corners = self.marker * np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
             return (self.square * _lattice(self.columns, self.rows)[:, None] + corners).reshape(-1, 3)
         if self.kind == "charuco":
-            return self.square * (_lattice(self.columns - 1, self.rows - 1) + [1, 1, 0])
+            return self.square * (_lattice(self.columns - 1, self.rows - 1) + np.array([1.0, 1.0, 0.0]))
         return self.square * _lattice(self.columns, self.rows)
 
 
