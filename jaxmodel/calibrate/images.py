@@ -19,6 +19,8 @@ FEWEST_CORNERS = 6
 FEWEST_VIEWS = 3
 FLATNESS = 0.05  # corners nearer than this share of their spread to one line give no pose
 FOCAL_UNCERTAINTY = 0.05
+BENT_EDGE_PX = 40.0
+FARTHEST_PX = 3.0  # a refined corner of a tag that moves further is not believed
 DOUBT = 5.0**2  # the mirrored pose is in the running while it is less than five standard deviations worse
 
 
@@ -63,12 +65,8 @@ def target_poses(images: Sequence[Path], target: Target, camera: Camera | None =
         if size is None:
             size = seen
         if seen != size:
-            whose = (
-                f"the first image has {size[0]} x {size[1]}"
-                if camera is None
-                else f"the camera is for {size[0]} x {size[1]}"
-            )
-            raise InputError(f"{path} has {seen[0]} x {seen[1]} pixels, but {whose}.")
+            whose = "the first image has" if camera is None else "the camera is for"
+            raise InputError(f"{path} has {seen[0]} x {seen[1]} pixels, but {whose} {size[0]} x {size[1]}.")
         corners.append(_find(cv2, grey, target))
     corners = np.stack(corners)
     usable = np.array([_spread_out(target.points[np.isfinite(one[:, 0])]) for one in corners])
@@ -98,14 +96,17 @@ def _find(cv2: Any, grey: np.ndarray, target: Target) -> Float[np.ndarray, "m 2"
         if numbers is not None:
             pixels, numbers = pixels.reshape(-1, 2).astype(np.float32), numbers.reshape(-1)
             shift = target.points[numbers[:, None], :2] - target.points[None, numbers, :2]
-            corners[numbers] = _refined(cv2, grey, pixels, np.linalg.norm(shift, axis=2), target.square)
+            # the window stops short of the markers' own edges
+            reach = 0.45 * (1 - target.marker / target.square)
+            corners[numbers] = _refined(cv2, grey, pixels, np.linalg.norm(shift, axis=2) / target.square, reach)
         return corners
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
     tags, numbers, _ = cv2.aruco.ArucoDetector(dictionary, parameters).detectMarkers(grey)
+    cells = dictionary.markerSize + 2
     for tag, number in zip(tags, [] if numbers is None else numbers.reshape(-1), strict=True):
         if number < target.columns * target.rows:
-            corners[4 * number : 4 * number + 4] = tag.reshape(4, 2)
+            corners[4 * number : 4 * number + 4] = _tag_corners(cv2, grey, tag.reshape(4, 2), cells)
     return corners
 
 
@@ -129,19 +130,59 @@ def _chessboard(cv2: Any, grey: np.ndarray, columns: int, rows: int) -> Float[np
     pixels = np.ascontiguousarray(lattice.reshape(-1, 2))
     k = np.arange(rows * columns)
     cells = np.stack([k % columns, k // columns], axis=1).astype(float)
-    return _refined(cv2, grey, pixels, np.linalg.norm(cells[:, None] - cells[None], axis=2), 1.0)
+    return _refined(cv2, grey, pixels, np.linalg.norm(cells[:, None] - cells[None], axis=2), 1 / 3)
 
 
 def _refined(
-    cv2: Any, grey: np.ndarray, pixels: np.ndarray, apart: Float[np.ndarray, "k k"], square: float
+    cv2: Any, grey: np.ndarray, pixels: np.ndarray, apart: Float[np.ndarray, "k k"], reach: float
 ) -> Float[np.ndarray, "k 2"]:
-    """Saddle points refined in a window that reaches to a third of the way to the nearest neighbouring corner."""
+    """Saddle points refined in a window of half-size ``reach`` times the side of the smallest square seen.
+
+    ``apart``: distances between the corners on the board, in squares. Where no two neighbours are seen: 2 pixels.
+    """
     distance = np.linalg.norm(pixels[:, None] - pixels[None], axis=2)
-    beside = (apart > 0) & (apart < 1.2 * square)
-    nearest = float(distance[beside].min()) if beside.any() else 6.0
-    half = int(np.clip(nearest / 3, 2, 12))
+    beside = (apart > 0) & (apart < 1.2)
+    nearest = float(distance[beside].min()) if beside.any() else 0.0
+    half = int(np.clip(reach * nearest, 2, 12))
     criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-4)
     return cv2.cornerSubPix(grey, pixels.copy().reshape(-1, 1, 2), (half, half), (-1, -1), criteria).reshape(-1, 2)
+
+
+def _tag_corners(cv2: Any, grey: np.ndarray, corners: Float[np.ndarray, "4 2"], cells: int) -> Float[np.ndarray, "4 2"]:
+    """Corners of a tag as the crossings of curves fitted to its edges: blur moves a corner inwards, but no edge.
+
+    Each edge is read along profiles across it, no further than its black border is wide, and lies at the centroid of
+    their grey steps. A parabola (short edges: a line) follows it, since lenses bend it. ``cells``: width of the tag in
+    bits, border included.
+    """
+    ends = []  # the tangents at both ends of each edge
+    for k in range(4):
+        a, b = corners[k].astype(np.float64), corners[(k + 1) % 4].astype(np.float64)
+        length = float(np.linalg.norm(b - a))
+        along = (b - a) / max(length, 1e-9)
+        across = np.array([along[1], -along[0]])
+        reach = float(np.clip(0.7 * length / cells, 1.5, 6.0))
+        offsets = np.linspace(-reach, reach, 2 * int(np.ceil(2 * reach)) + 1)
+        place = np.linspace(0.12, 0.88, max(int(length), 8)) * length
+        pixels = (a + place[:, None] * along)[:, None] + offsets[:, None] * across
+        profiles = cv2.remap(grey, pixels.astype(np.float32), None, cv2.INTER_LINEAR).astype(np.float64)
+        steps = np.maximum(np.diff(profiles, axis=1), 0.0)  # from black to the white outside
+        weight = steps.sum(axis=1)
+        clear = (weight > 0) & (weight > 0.5 * np.median(weight))
+        if clear.sum() < 5:
+            return corners
+        offset = (steps[clear] @ ((offsets[1:] + offsets[:-1]) / 2)) / weight[clear]
+        curve = np.polynomial.Polynomial.fit(place[clear], offset, 2 if length > BENT_EDGE_PX else 1)
+        for s in (0.0, length):
+            ends.append((a + s * along + curve(s) * across, along + curve.deriv()(s) * across))
+    found = []
+    for k in range(4):
+        (p, u), (q, v) = ends[2 * k - 1], ends[2 * k]
+        if abs(u[0] * v[1] - u[1] * v[0]) < 0.1:
+            return corners
+        found.append(p + np.linalg.solve(np.stack([u, -v], axis=1), q - p)[0] * u)
+    moved = np.linalg.norm(np.stack(found) - corners, axis=1)
+    return np.stack(found) if moved.max() < FARTHEST_PX else corners
 
 
 def _spread_out(points: Float[np.ndarray, "k 3"]) -> bool:
