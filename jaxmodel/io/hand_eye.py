@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from jaxmodel.errors import InputError
 from jaxmodel.geometry import se3
 from jaxmodel.io.opencv_storage import read_opencv_storage
+from jaxmodel.io.text_files import read_text
 
 Angle = Literal["deg", "rad"]
 ROTATION_TOLERANCE = 1e-3
@@ -88,7 +89,7 @@ def read_visp_pose(path: str | Path) -> Float[np.ndarray, "4 4"]:
     """One pose of ViSP: YAML with ``rows: 6, cols: 1, data``: ``tx, ty, tz`` and ``theta u`` (rad)."""
     path = Path(path)
     try:
-        content = yaml.safe_load(_text(path))
+        content = yaml.safe_load(read_text(path))
         values = np.array(content["data"], dtype=np.float64).reshape(-1)
     except (yaml.YAMLError, TypeError, KeyError, ValueError) as error:
         raise InputError(f"{path}: expected ViSP's 'rows: 6, cols: 1, data: [...]'.") from error
@@ -135,18 +136,9 @@ def read_pairs_storage(path: str | Path, hand: str = "T1", camera: str = "T2") -
     return PosePairs(*streams)
 
 
-def _text(path: Path) -> str:
-    if not path.is_file():
-        raise InputError(f"There is no file {path}.")
-    try:
-        return path.read_text(encoding="utf-8")
-    except (UnicodeDecodeError, OSError) as error:
-        raise InputError(f"{path} cannot be read as text: {error}.") from error
-
-
 def _csv_rows(path: Path) -> list[tuple[int, list[str]]]:
     """The rows that hold something, with their line numbers; lines that begin with # are comments."""
-    lines = _text(path).splitlines()
+    lines = read_text(path).splitlines()
     rows = [(number, row) for number, row in enumerate(csv.reader(lines), start=1) if row and row[0].strip()]
     rows = [(number, row) for number, row in rows if not row[0].lstrip().startswith("#")]
     if not rows:

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxmodel.errors import InputError
+from jaxmodel.io.text_files import read_text
 
 _ROTATION_TOLERANCE = 1e-3  # files print as few as 6 digits; anything further off is not a rotation
 SCAN_SUFFIXES = (".ply", ".pcd", ".obj", ".stl", ".npz", ".pts", ".xyz", ".osu", ".rif")
@@ -21,7 +22,7 @@ def read_conf(path: str | Path) -> dict[str, Float[np.ndarray, "4 4"]]:
     """
     path = Path(path)
     poses: dict[str, np.ndarray] = {}
-    for number, line in enumerate(_read_text(path).splitlines(), start=1):
+    for number, line in enumerate(read_text(path).splitlines(), start=1):
         words = line.split()
         if not words or words[0] not in ("bmesh", "mesh"):
             continue
@@ -52,7 +53,7 @@ def check_conf(path: str | Path) -> dict[str, Path]:
     path = Path(path)
     files: dict[str, Path] = {}
     read_conf(path)
-    for line in _read_text(path).splitlines():
+    for line in read_text(path).splitlines():
         words = line.split()
         if words and words[0] in ("bmesh", "mesh"):
             file = path.parent / words[1]
@@ -176,20 +177,12 @@ def _require_file(path: Path) -> None:
         raise InputError(f"There is no file {path}.")
 
 
-def _read_text(path: Path) -> str:
-    _require_file(path)
-    try:
-        return path.read_text(encoding="utf-8")
-    except (UnicodeDecodeError, OSError) as error:
-        raise InputError(f"{path} cannot be read as text: {error}.") from error
-
-
 def _content_lines(path: Path) -> list[str]:
-    return [line for line in _read_text(path).splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    return [line for line in read_text(path).splitlines() if line.strip() and not line.lstrip().startswith("#")]
 
 
 def _read_json(path: Path) -> object:
     try:
-        return json.loads(_read_text(path))
+        return json.loads(read_text(path))
     except json.JSONDecodeError as error:
         raise InputError(f"{path} is not JSON: {error}.") from error

@@ -1,0 +1,116 @@
+"""Pictures of a target in place of the camera's poses: the target's words, the pictures' order, what was not found."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxmodel.errors import InputError
+from jaxmodel.io.pose_files import natural
+from jaxmodel.io.pose_values import PoseStream
+from jaxmodel.run.calibration_config import Images
+from jaxmodel.run.paired_poses import PairedPoses
+
+PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm")
+FORMS = {
+    "chessboard": "chessboard:9x6:0.025 (inner corners, square in metres)",
+    "charuco": "charuco:5x7:0.04:0.03:DICT_4X4_50 (squares, square, marker, dictionary)",
+    "apriltag": "apriltag:6x6:0.088:0.026:tag36h11 (tags, tag, gap, family)",
+}
+LARGEST_SQUARE = 1.0
+"""Metres; beyond it millimetres are meant."""
+
+
+def parse_target(words: str) -> Any:
+    """The ``Target`` that ``words`` describe; anything else is an ``InputError`` with the expected form."""
+    kind, *parts = words.split(":")
+    if kind not in FORMS:
+        raise InputError(f"target {words!r}: unknown kind {kind!r}, expected one of: {', '.join(FORMS.values())}")
+    size = re.fullmatch(r"(\d+)x(\d+)", parts[0]) if parts else None
+    lengths = [_length(part) for part in parts[1 : 2 if kind == "chessboard" else 3]]
+    count = 2 if kind == "chessboard" else 4
+    if size is None or len(parts) != count or None in lengths:
+        raise InputError(f"target {words!r}: expected {FORMS[kind]}")
+    largest = max(length for length in lengths if length is not None)
+    if largest > LARGEST_SQUARE:
+        raise InputError(f"target {words!r}: a length of {largest:g} m; are these millimetres? Give metres")
+    from jaxmodel.calibrate.images import Target
+
+    marker = None if kind == "chessboard" else lengths[1]
+    dictionary = None if kind == "chessboard" else parts[3]
+    return Target(kind, int(size[1]), int(size[2]), lengths[0], marker, dictionary)
+
+
+def _length(text: str) -> float | None:
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if np.isfinite(value) and value > 0 else None
+
+
+def poses_of_images(hand: PoseStream, images: Images) -> PairedPoses:
+    """Hand poses paired with the target's poses in the pictures; pictures without the target are left out and named.
+
+    A picture belongs to the pose that names it (a column ``image``, or the number at the end of both names), else to
+    the pose of the same place in the order of their names.
+    """
+    target = parse_target(images.target)
+    files = _pictures(Path(images.folder))
+    chosen = _matched(hand, files, Path(images.folder))
+    from jaxmodel.calibrate.images import target_poses
+
+    camera = None
+    if images.camera is not None:
+        from jaxmodel.io.camera import load_camera
+
+        camera = load_camera(Path(images.camera))
+    found = target_poses(chosen, target, camera)
+    seen = np.flatnonzero(found.found)
+    if len(seen) < 2:
+        raise InputError(f"{images.folder}: the target {images.target} is found in {len(seen)} of {len(chosen)} "
+                         "pictures; at least 2 are needed")  # fmt: skip
+    lost = [file.name for file, there in zip(chosen, found.found, strict=True) if not there]
+    notes = [f"the target is not found in {', '.join(lost)}"] if lost else []
+    pixels = float(np.sqrt(np.mean(found.reprojection_px[seen] ** 2)))
+    notes.append(f"the target is found in {len(seen)} of {len(chosen)} pictures, reprojection {pixels:.3g} px (rms)")
+    if camera is None:
+        K = found.camera.K
+        notes.append(
+            f"the camera is estimated from the pictures: focal lengths {K[0, 0]:.1f}, {K[1, 1]:.1f} px, centre "
+            f"{K[0, 2]:.1f}, {K[1, 2]:.1f}"
+        )
+    inputs = (*hand.files, *chosen, *([Path(images.camera)] if images.camera else []))
+    names = tuple(file.name for file in chosen)
+    whole = PairedPoses(hand.poses, found.T_camera_target, names, inputs, hand.groups, None, tuple(notes))
+    return whole.rows(seen)
+
+
+def _pictures(folder: Path) -> list[Path]:
+    if not folder.is_dir():
+        raise InputError(f"There is no folder of images {folder}")
+    files = sorted((f for f in folder.iterdir() if f.suffix.lower() in PICTURES), key=natural)
+    if not files:
+        raise InputError(f"{folder}: holds no pictures ({', '.join(PICTURES)})")
+    return files
+
+
+def _matched(hand: PoseStream, files: list[Path], folder: Path) -> list[Path]:
+    """The picture of each hand pose."""
+    if hand.images is not None:
+        keys = {file.name: file for file in files} | {file.stem: file for file in files}
+        numbers = {natural(file)[1]: file for file in files if natural(file)[1] >= 0}
+        chosen = []
+        for name in hand.images:
+            file = keys.get(name) or keys.get(Path(name).name) or numbers.get(natural(Path(name))[1])
+            if file is None:
+                raise InputError(f"{folder}: holds no picture for the pose {name!r} of {hand.path}")
+            chosen.append(file)
+        return chosen
+    if len(files) != len(hand.poses):
+        raise InputError(
+            f"{hand.path} holds {len(hand.poses)} poses and {folder} {len(files)} pictures; each pose needs one, or "
+            "a column 'image' that names it"
+        )
+    return files
