@@ -20,7 +20,7 @@ from jaxmodel.geometry import se3
 from jaxmodel.run.calibration_config import Config
 from jaxmodel.run.paired_poses import PairedPoses
 
-ROBUST = "joint without outliers"
+ROBUST = "joint, inliers"
 FEWEST_TO_NAME = SUBSET + 4
 """Poses from which on outliers are looked for: fewer cannot outvote a wrong one."""
 

@@ -60,5 +60,9 @@ def _run(command: arguments.AnyCommand, changes: list[tuple[str, str]], words: l
             commands.sweep(command, line)
         case arguments.Register():
             commands.register(command, line)
+        case arguments.Calibrate():
+            from jaxmodel.run.calibrate_command import calibrate
+
+            calibrate(command, line)
         case arguments.Report():
             commands.report(command)

@@ -21,7 +21,7 @@ def run(command: arguments.Run, changes: list[tuple[str, str]], line: str) -> No
     """``jaxmodel run``: any experiment from its YAML."""
     path = _config_path(command.config)
     raw = override(read_yaml(path), changes, str(path))
-    _experiment(raw, str(path), _folder(command, path.stem), command.resume is not None, command.json, line)
+    run_experiment(raw, str(path), folder_of(command, path.stem), command.resume is not None, command.json, line)
 
 
 def sweep(command: arguments.Sweep, line: str) -> None:
@@ -34,9 +34,9 @@ def sweep(command: arguments.Sweep, line: str) -> None:
     if command.grid == "euler":
         starts = {"kind": "euler", "steps": math.ceil(round(command.starts ** (1 / 3), 9)), "count": command.starts}
     engine = {name: getattr(command, name) for name in ("executor", "lanes", "chunk", "order")}
-    raw = _file_experiment(command, command.truth, starts) | {"engine": engine}
-    out, resumed = _folder(command, None), command.resume is not None
-    _experiment(raw, "jaxmodel sweep", out, resumed, command.json, line)
+    raw = _filerun_experiment(command, command.truth, starts) | {"engine": engine}
+    out, resumed = folder_of(command, None), command.resume is not None
+    run_experiment(raw, "jaxmodel sweep", out, resumed, command.json, line)
 
 
 def register(command: arguments.Register, line: str) -> None:
@@ -44,8 +44,8 @@ def register(command: arguments.Register, line: str) -> None:
     starts: dict[str, Any] = {"kind": "even", "count": REGISTER_STARTS}
     if command.init is not None:
         starts = {"kind": "file", "path": str(command.init.absolute())}
-    out, resumed = _folder(command, None), command.resume is not None
-    summary = _experiment(_file_experiment(command, None, starts), "jaxmodel register", out, resumed, False, line)
+    out, resumed = folder_of(command, None), command.resume is not None
+    summary = run_experiment(_filerun_experiment(command, None, starts), "jaxmodel register", out, resumed, False, line)
     from jaxmodel.run.single import transform_of
 
     result = transform_of(command.target, command.source, summary["cases"][0])
@@ -56,7 +56,7 @@ def register(command: arguments.Register, line: str) -> None:
         console.write(json_text({"status": "ok", "out": str(out), **result}, indent=None))
 
 
-def _file_experiment(
+def _filerun_experiment(
     command: arguments.Sweep | arguments.Register, truth: Path | None, starts: dict[str, Any]
 ) -> dict[str, Any]:
     """The convergence experiment on two files, as a YAML would say it."""
@@ -99,7 +99,8 @@ def report(command: arguments.Report) -> None:
         console.write(json_text(content, indent=None))
 
 
-def _experiment(raw: dict[str, Any], where: str, out: Path, resumed: bool, json: bool, line: str) -> dict[str, Any]:
+def run_experiment(raw: dict[str, Any], where: str, out: Path, resumed: bool, json: bool, line: str) -> dict[str, Any]:
+    """Run an experiment given as its YAML would say it, or go on with it, and show what came out; its summary."""
     if not resumed:
         RunDir.refuse(out)
     elif not out.is_dir():
@@ -143,7 +144,10 @@ def _config_path(given: Path) -> Path:
     raise InputError(f"{given}: no such file, expected a YAML file or the name of a built-in experiment ({names})")
 
 
-def _folder(command: arguments.Run | arguments.Sweep | arguments.Register, name: str | None) -> Path:
+def folder_of(
+    command: arguments.Run | arguments.Sweep | arguments.Register | arguments.Calibrate, name: str | None
+) -> Path:
+    """The folder that a command names; without one, the first free number below ``runs`` if ``name`` is given."""
     if command.resume is not None:
         if command.out is not None and command.out.absolute() != command.resume.absolute():
             raise InputError(f"--out {command.out} and --resume {command.resume} name two folders, expected one")

@@ -25,6 +25,7 @@ EXPERIMENTS = {
     "user_starts": "jaxmodel.run.user_starts",
     "cylinder": "jaxmodel.run.cylinder",
     "global_table": "jaxmodel.run.global_table",
+    "calibration": "jaxmodel.run.calibration",
 }
 """Name -> module with the members of ``Experiment``, imported when asked for."""
 

@@ -41,7 +41,7 @@ def pair_plots(pair: PairView) -> dict[str, Any]:
 
 def _scans(pair: PairView) -> dict[str, Any]:
     def cloud(name: str, points: Float[np.ndarray, "n 3"], color: str, visible: bool) -> dict[str, Any]:
-        return {**_marks3d(name, points, {"size": 1.6, "color": color}), "visible": visible, "hoverinfo": "name"}
+        return {**marks3d(name, points, {"size": 1.6, "color": color}), "visible": visible, "hoverinfo": "name"}
 
     def button(label: str, *visible: bool) -> dict[str, Any]:
         return {"label": label, "method": "restyle", "args": [{"visible": list(visible)}]}
@@ -69,10 +69,10 @@ def _scans(pair: PairView) -> dict[str, Any]:
 def _sphere(pair: PairView) -> dict[str, Any]:
     kept = _thinned(len(pair.directions))
     places = pair.directions[kept]
-    data = [_ball(), _marks3d("all starts", places, {"size": 2.5, "color": REST, "symbol": "x"})]
+    data = [ball(), marks3d("all starts", places, {"size": 2.5, "color": REST, "symbol": "x"})]
     for radius, (curve, color) in enumerate(zip(pair.curves, cycle(_COLORS), strict=False), start=1):
         good = np.flatnonzero(curve.good[kept])
-        marks = _marks3d(f"converge, {curve.label}", (1 + 0.03 * radius) * places[good], {"size": 4.5, "color": color})
+        marks = marks3d(f"converge, {curve.label}", (1 + 0.03 * radius) * places[good], {"size": 4.5, "color": color})
         text = [f"start {kept[i]}, error {curve.error[kept[i]]:.3g}" for i in good]
         data.append({**marks, "text": text, "hoverinfo": "text+name"})
     shown = f"{len(kept)} of {len(pair.directions)}" if len(kept) < len(pair.directions) else f"{len(kept)}"
@@ -81,7 +81,7 @@ def _sphere(pair: PairView) -> dict[str, Any]:
     return {"data": data, "layout": {**layout, "scene": {"aspectmode": "cube", "camera": _NEAR, **hidden}}}
 
 
-def _ball() -> dict[str, Any]:
+def ball() -> dict[str, Any]:
     """Circles of latitude and longitude of the unit sphere, as one broken line."""
     along, circles = np.append(np.linspace(0, 2 * np.pi, 49), np.nan), []
     for turn in np.arange(0, np.pi, np.pi / 8):
@@ -89,7 +89,7 @@ def _ball() -> dict[str, Any]:
     for height in np.linspace(-1, 1, 9)[1:-1] * np.pi / 2:
         flat = np.stack([np.cos(along), np.sin(along)], axis=1) * np.cos(height)
         circles.append(np.column_stack([flat, np.where(np.isfinite(along), np.sin(height), np.nan)]))
-    wire = _marks3d("unit sphere", np.concatenate(circles), {})
+    wire = marks3d("unit sphere", np.concatenate(circles), {})
     return {**wire, "mode": "lines", "line": {"color": "#cccccc", "width": 1}, "hoverinfo": "skip", "showlegend": False}
 
 
@@ -156,7 +156,8 @@ def _layout(title: str, x: str = "", y: str = "") -> dict[str, Any]:
             "legend": legend, **axes}  # fmt: skip
 
 
-def _marks3d(name: str, points: Float[np.ndarray, "n 3"], marker: dict[str, Any]) -> dict[str, Any]:
+def marks3d(name: str, points: Float[np.ndarray, "n 3"], marker: dict[str, Any]) -> dict[str, Any]:
+    """Points in space as a plain plotly trace."""
     x, y, z = (_short(column) for column in np.asarray(points, dtype=float).T)
     return {"type": "scatter3d", "mode": "markers", "name": name, "x": x, "y": y, "z": z, "marker": marker}
 
