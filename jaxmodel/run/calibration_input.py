@@ -37,6 +37,8 @@ def load_poses(config: Config) -> PairedPoses:
         raise InputError(f"{path}: {n} pose gives no motion; at least 2 are needed, 3 for a whole answer")
     if config.scales == "per-group" and paired.groups is None:
         raise InputError(f"{path}: scales per-group need a column 'group' that names each pose's group")
+    if config.scales == "per-group" and len(set(paired.groups or ())) == n:
+        raise InputError(f"{path}: no group holds two poses, so none has a motion")
     if n > config.most_poses:
         paired = paired.rows(np.unique(np.linspace(0, n - 1, config.most_poses).round().astype(int)))
         note = f"{len(paired.hand)} of {n} poses are used, evenly spread; --most-poses takes more"

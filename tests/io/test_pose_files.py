@@ -259,7 +259,7 @@ def test_missing_files_and_folders(tmp_path):
 def test_the_camera_is_asked_about_by_its_own_options(tmp_path):
     path = tmp_path / "camera.csv"
     path.write_text("0,0,300,0,0,0,1\n")
-    with pytest.raises(InputError, match="the camera's positions reach 300.*--camera-length mm"):
+    with pytest.raises(InputError, match=r"the camera's positions reach 300.*--camera-length mm"):
         read_single(path, "camera", PLAIN)
     read = read_single(path, "camera", Forms(camera=PoseForm(length="mm")))
     np.testing.assert_allclose(read.poses[0, :3, 3], [0, 0, 0.3])
