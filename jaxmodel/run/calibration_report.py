@@ -73,7 +73,7 @@ def _verdict(summary: Mapping[str, Any]) -> Table:
     low, middle, high = excited["angle_deg"]
     rows.append(("rotations", f"{low:.1f} to {high:.1f} degrees, median {middle:.1f}"))
     spread = excited["axis_spread"]
-    rows.append(("spread of the axes", f"{spread:.2f} (0: all parallel, 1: even in all directions)"))
+    rows.append(("spread of the axes", f"{spread:.2g} (0: all parallel, 1: even in all directions)"))
     if summary["synchronisation"] is not None:
         both = summary["synchronisation"]
         rows.append(
@@ -100,6 +100,8 @@ def _recommended(summary: Mapping[str, Any]) -> Table:
                 f"{wide:.2f} for 95 % ({chosen['covariance']['freedom']:.0f} degrees of freedom)",
             )
         )
+        worst = f"{1e3 * deviation['worst_m']:.2f} mm, along {_numbers(deviation['worst_direction'], '{:.2f}')}"
+        rows.append(("translation known worst", f"{worst} in {frame_of(summary)}"))
         given = "as asked" if expected["given"] else "the median distance of the target"
         error = "not finite" if expected["rms_m"] is None else f"{1e3 * expected['rms_m']:.2f} mm (rms)"
         rows.append(("expected error", f"{error} of a point at {expected['working_distance_m']:.3f} m, {given}"))

@@ -98,6 +98,7 @@ def calibration(config: Config, poses: PairedPoses, found: Answers) -> dict[str,
         tree["deviation"] = {
             "rotation_deg": np.degrees(deviation[:3]),
             "translation_m": deviation[3:],
+            **_weakest(answer.covariance[3:, 3:]),
             "student_95": float(student.ppf((1 + CONFIDENCE) / 2, max(answer.freedom, 1.0))),
         }
         tree["expected_error"] = {
@@ -172,6 +173,12 @@ def motion_rows(found: Answers) -> polars.DataFrame:
         ],
         how="vertical",
     )
+
+
+def _weakest(covariance: Float[np.ndarray, "3 3"]) -> dict[str, Any]:
+    """The direction in which the translation is known worst, with its standard deviation there."""
+    values, vectors = np.linalg.eigh(covariance)
+    return {"worst_direction": vectors[:, 2], "worst_m": float(np.sqrt(max(values[2], 0.0)))}
 
 
 def _forms(T: np.ndarray) -> dict[str, Any]:

@@ -27,12 +27,13 @@ class AxisSphere(NamedTuple):
 
 
 def sphere_png(sphere: AxisSphere) -> bytes:
-    """Both halves of the sphere seen along z: the axes above and below its equator, as flat discs of equal area."""
-    figure = Figure(figsize=(9.6, 5.0))
+    """Both halves of the sphere, above and below its equator, as flat discs of equal area; larger turns, larger marks."""
+    figure = Figure(figsize=(9.6, 4.8))
     places, angle = _both_ends(sphere)
+    most = float(angle.max(initial=1.0))
     marks: Any = None
     for number, (side, name) in enumerate(((1.0, "towards +z"), (-1.0, "towards -z"))):
-        axes: Any = figure.add_axes((0.03 + 0.44 * number, 0.04, 0.42, 0.80))
+        axes: Any = figure.add_axes((0.02 + 0.44 * number, 0.04, 0.43, 0.86))
         turn = np.linspace(0, 2 * np.pi, 181)
         for height in (0, 30, 60):
             radius = _radius(np.array([np.sin(np.radians(height))]))[0]
@@ -42,9 +43,7 @@ def sphere_png(sphere: AxisSphere) -> bytes:
             axes.plot(*np.stack([-end, end], axis=1), color="#e4e4e4", lw=0.8, zorder=0)
         here = side * places[:, 2] >= 0
         flat = _flat(places[here], side)
-        marks = axes.scatter(
-            *flat.T, c=angle[here], s=14, cmap="viridis", vmin=0, vmax=max(angle.max(initial=1.0), 1.0)
-        )
+        marks = axes.scatter(*flat.T, c=angle[here], s=4 + 20 * angle[here] / most, cmap="viridis", vmin=0, vmax=most)
         if sphere.free is not None:
             end = sphere.free * (side if side * sphere.free[2] >= 0 else -side)
             spot = _flat(end[None] * np.sign(side * end[2] or 1.0), side)[0]
@@ -54,7 +53,7 @@ def sphere_png(sphere: AxisSphere) -> bytes:
         axes.annotate("+y", (0, 1.03), ha="center", fontsize=9)
         axes.set(xlim=(-1.15, 1.15), ylim=(-1.1, 1.15), aspect="equal")
         axes.set_axis_off()
-        axes.set_title(name, fontsize=10, y=-0.04)
+        axes.set_title(name, fontsize=10, y=-0.05)
     figure.suptitle(f"{sphere.title} (in {sphere.frame})", fontsize=11)
     bar = figure.colorbar(marks, cax=figure.add_axes((0.915, 0.15, 0.015, 0.6)))
     bar.set_label("rotation angle (degree)")
@@ -84,6 +83,8 @@ def sphere_plot(sphere: AxisSphere) -> dict[str, Any]:
 def _both_ends(sphere: AxisSphere) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
     chosen = slice(None, None, len(sphere.axes) // _MOST_AXES + 1)
     axes, angle = sphere.axes[chosen], sphere.angle_deg[chosen]
+    rising = np.argsort(angle, kind="stable")  # the largest turns are drawn last, on top
+    axes, angle = axes[rising], angle[rising]
     return np.concatenate([axes, -axes]), np.concatenate([angle, angle])
 
 
