@@ -173,6 +173,8 @@ class Calibrate:
     apriltag:CxR:TAG:GAP:FAMILY."""
     working_distance: float | None = None
     """Metres from the camera at which the expected error is stated. Default: where the target was."""
+    keep_outliers: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Use the poses that contradict the others too, instead of leaving them out."""
     bootstrap: int = 0
     """Draws of a second, resampled covariance."""
     seed: int = 0

@@ -53,6 +53,7 @@ def _tree(command: arguments.Calibrate) -> dict[str, Any]:
         "largest_offset_s": command.largest_offset,
         "most_poses": command.most_poses,
         "working_distance": command.working_distance,
+        "keep_outliers": command.keep_outliers,
         "bootstrap": command.bootstrap,
     }
 

@@ -16,7 +16,8 @@ from jaxmodel.run import calibration_report
 from jaxmodel.run.calibration_answers import find_answers
 from jaxmodel.run.calibration_config import Config
 from jaxmodel.run.calibration_input import load_poses
-from jaxmodel.run.calibration_summary import motion_rows, pose_rows, summarise
+from jaxmodel.run.calibration_rows import motion_rows, pose_rows
+from jaxmodel.run.calibration_summary import summarise
 from jaxmodel.run.console import Progress
 from jaxmodel.run.provenance import hash_files
 from jaxmodel.run.registry import Prepared

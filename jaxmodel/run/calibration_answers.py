@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -20,9 +19,11 @@ from jaxmodel.geometry import se3
 from jaxmodel.run.calibration_config import Config
 from jaxmodel.run.paired_poses import PairedPoses
 
-ROBUST = "joint, inliers"
+ALL_POSES = "joint, all poses"
 FEWEST_TO_NAME = SUBSET + 4
 """Poses from which on outliers are looked for: fewer cannot outvote a wrong one."""
+MOST_OUTLIERS = 0.4
+"""A larger share of poses that contradict the rest is no share of outliers."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,8 @@ class Answer:
 class Answers:
     """All of them, the motions they are measured on, and which one is recommended for what reason.
 
-    ``kept`` are the poses that agree, ``score`` their normalised squared residuals (NaN where not looked for);
+    ``kept`` are the poses that were used, ``outlier`` those that contradict the others, ``score`` their normalised
+    squared residuals (NaN where not looked for);
     ``left_out`` the change of X (rotation vector, translation) when a pose of ``kept`` is left out, NaN elsewhere.
     """
 
@@ -63,66 +65,101 @@ class Answers:
     recommended: Answer
     reason: str
     kept: Bool[np.ndarray, " n"]
+    outlier: Bool[np.ndarray, " n"]
     score: Float[np.ndarray, " n"]
     left_out: Float[np.ndarray, "n 6"]
     bootstrap: Float[np.ndarray, "6 6"] | None
 
 
 def find_answers(config: Config, poses: PairedPoses, done: Callable[[str], None]) -> Answers:
-    """Run the methods that ``config`` asks for; ``done`` is told of each."""
+    """Run the methods that ``config`` asks for on the poses that agree; ``done`` is told of each."""
     setup = Setup(config.setup)
     if config.scales in ("per-group", "per-motion"):
         return _separate_scales(config, poses, setup, done)
     unknown = config.scales == "one"
     motions = motion_pairs(chain(poses.hand, poses.camera, setup))
+    n = len(poses.hand)
+    kept, outlier, score = np.ones(n, bool), np.zeros(n, bool), np.full(n, np.nan)
     names = ["joint", *METHODS] if config.method == "all" else [config.method]
-    answers = []
+    answers, whole = [], None
+    if "joint" in names:
+        found = _calibrate("joint", config, poses, setup, kept)
+        whole = _answer("joint", found, poses, motions, kept)
+        done("joint")
+        if whole.outcome.usable and n >= FEWEST_TO_NAME:
+            metric = _metric(poses.camera, float(whole.scale[0]))
+            outlier, score = _contradicting(config, poses.hand, metric, setup)
+            if not config.keep_outliers and outlier.mean() <= MOST_OUTLIERS:
+                kept = ~outlier
+            done("outliers")
     for name in names:
         if unknown and name in KNOWN_SCALE_ONLY:
             continue
-        found = calibrate_poses(
-            poses.hand, poses.camera, setup, name, unknown_scale=unknown, noise=config.noise
-        )  # fmt: skip
-        answers.append(_answer(name, found, poses, motions))
+        if name == "joint" and whole is not None and kept.all():
+            answers.append(whole)
+            continue
+        answers.append(_answer(name, _calibrate(name, config, poses, setup, kept), poses, motions, kept))
         done(name)
+    if whole is not None and not kept.all():
+        answers.insert(1, replace(whole, method=ALL_POSES))
     if unknown and config.method == "all":
-        answers.append(_self_answer("self_calibration", self_calibrate(motions.A, motions.B), setup, motions))
+        between = kept[motions.index].all(axis=1)
+        found = self_calibrate(motions.A[between], motions.B[between])
+        answers.append(_self_answer("self_calibration", found, setup, motions))
         done("self_calibration")
-    n, none = len(poses.hand), np.full(len(poses.hand), np.nan)
-    chosen, reason = answers[0], _reason(answers[0], config)
-    kept, score = np.ones(n, bool), none
-    if config.method in ("all", "joint") and chosen.outcome.usable and n >= FEWEST_TO_NAME:
-        kept, score, robust = _without_outliers(config, poses, setup, chosen, motions)
-        done("outliers")
-        if robust is not None:
-            answers.insert(1, robust)
-            chosen = robust
-            reason = f"{n - int(kept.sum())} of {n} poses contradict the others; without them, {reason}"
+    chosen = answers[0]
     left_out, spread = np.full((n, 6), np.nan), None
     rows = np.flatnonzero(kept)
     if chosen.outcome.usable and len(rows) >= 5:
         hand, camera = poses.hand[rows], _metric(poses.camera[rows], float(chosen.scale[0]))
-        method = "joint" if chosen.method == ROBUST else chosen.method
-        left_out[rows] = leave_one_out(hand, camera, setup, method, config.noise).differences()
+        left_out[rows] = leave_one_out(hand, camera, setup, chosen.method, config.noise).differences()
         done("leave one out")
         if config.bootstrap:
             import jax
 
             key = jax.random.key(config.seed)
-            spread = bootstrap(hand, camera, key, config.bootstrap, setup, method, config.noise).covariance
+            replicas = bootstrap(hand, camera, key, config.bootstrap, setup, chosen.method, config.noise)
+            spread = replicas.covariance
             done("bootstrap")
-    return Answers(setup, motions, answers, chosen, reason, kept, score, left_out, spread)
+    return Answers(
+        setup, motions, answers, chosen, _reason(chosen, config, kept), kept, outlier, score, left_out, spread
+    )
 
 
-def _reason(answer: Answer, config: Config) -> str:
+def _calibrate(method: str, config: Config, poses: PairedPoses, setup: Setup, kept: np.ndarray) -> HandEye:
+    unknown = config.scales == "one"
+    hand, camera = poses.hand[kept], poses.camera[kept]
+    return calibrate_poses(hand, camera, setup, method, unknown_scale=unknown, noise=config.noise)
+
+
+def _contradicting(
+    config: Config, hand: np.ndarray, camera: np.ndarray, setup: Setup
+) -> tuple[Bool[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """The poses that contradict the others, and each pose's score; the camera's lengths are metric."""
+    import jax
+
+    found = consensus(hand, camera, jax.random.key(config.seed), setup, noise=config.noise)
+    if not found.calibration.outcome.usable:
+        return np.zeros(len(hand), bool), found.score
+    return ~found.inlier, found.score
+
+
+def _reason(answer: Answer, config: Config, kept: np.ndarray) -> str:
     if not answer.outcome.usable:
         return f"no method determines more: {answer.outcome.sentence}"
     if config.method not in ("all", "joint"):
         return f"{answer.method} is the only method that was asked for"
-    return "joint uses each absolute pose once, where pairs of poses count it many times, and knows its own covariance"
+    words = "it uses each absolute pose once, where pairs of poses count it many times, and knows its own covariance"
+    wrong = len(kept) - int(kept.sum())
+    return words if not wrong else f"{words}; {wrong} of {len(kept)} poses contradict the others and are left out"
 
 
-def _answer(name: str, found: HandEye, poses: PairedPoses, motions: MotionPairs) -> Answer:
+def _answer(name: str, found: HandEye, poses: PairedPoses, motions: MotionPairs, kept: np.ndarray) -> Answer:
+    """An answer found from the poses ``kept``, measured on all of them."""
+    influence = None
+    if found.influence is not None:
+        influence = np.full(len(kept), np.nan)
+        influence[kept] = found.influence
     scale = 1.0 if np.isnan(found.scale) else found.scale
     return Answer(
         name,
@@ -135,33 +172,9 @@ def _answer(name: str, found: HandEye, poses: PairedPoses, motions: MotionPairs)
         *pose_residuals(poses.hand, poses.camera, found.setup, found.X, found.Z, scale),
         found.covariance,
         found.freedom,
-        found.influence,
+        influence,
         found.steps,
     )
-
-
-def _without_outliers(
-    config: Config, poses: PairedPoses, setup: Setup, first: Answer, motions: MotionPairs
-) -> tuple[np.ndarray, np.ndarray, Answer | None]:
-    """The poses that agree, each pose's score, and the joint answer of those that agree where that is not all."""
-    import jax
-
-    scale = float(first.scale[0])
-    metric = _metric(poses.camera, scale)
-    found = consensus(poses.hand, metric, jax.random.key(config.seed), setup, noise=config.noise)
-    if found.inlier.all() or not found.calibration.outcome.usable:
-        return np.ones(len(metric), bool), found.score, None
-    rows = np.flatnonzero(found.inlier)
-    calibration: Any = found.calibration
-    if config.scales == "one":
-        calibration = calibrate_poses(
-            poses.hand[rows], poses.camera[rows], setup, unknown_scale=True, noise=config.noise
-        )  # fmt: skip
-    answer = _answer(ROBUST, calibration, poses, motions)
-    influence = np.full(len(metric), np.nan)
-    if answer.influence is not None:
-        influence[rows] = answer.influence
-    return found.inlier, found.score, replace(answer, influence=influence)
 
 
 def _metric(camera: Float[np.ndarray, "n 4 4"], scale: float) -> Float[np.ndarray, "n 4 4"]:
@@ -173,7 +186,8 @@ def _metric(camera: Float[np.ndarray, "n 4 4"], scale: float) -> Float[np.ndarra
 def _self_answer(name: str, found: SelfCalibration, setup: Setup, motions: MotionPairs) -> Answer:
     X = se3.inverse(found.X)
     to, of = setup.x_name.removeprefix("T_").split("_")
-    of_motion = np.where(np.isnan(found.scale), 1.0, found.scale)[found.group]
+    known = np.where(np.isnan(found.scale), 1.0, found.scale)
+    of_motion = float(known[0]) if len(known) == 1 else known[found.group]
     none = np.zeros(0)
     transforms = {setup.x_name: X, f"T_{of}_{to}": found.X}
     residuals = motion_residuals(motions, X, of_motion)
@@ -202,4 +216,15 @@ def _separate_scales(config: Config, poses: PairedPoses, setup: Setup, done: Cal
     reason = "refined brings the rotation, the translation and all scales to least squares together"
     if not answers[0].outcome.usable:
         reason = f"no method determines more: {answers[0].outcome.sentence}"
-    return Answers(setup, motions, answers, answers[0], reason, np.ones(n, bool), none, np.full((n, 6), np.nan), None)
+    return Answers(
+        setup,
+        motions,
+        answers,
+        answers[0],
+        reason,
+        np.ones(n, bool),
+        np.zeros(n, bool),
+        none,
+        np.full((n, 6), np.nan),
+        None,
+    )

@@ -34,7 +34,8 @@ class Config:
 
     ``poses`` holds both streams, or the hand's alone where ``camera_poses`` or ``images`` give the camera's. At most
     ``most_poses``, evenly spread, are used: more of a recording say little more. ``noise`` names the stream that
-    carries it. ``bootstrap``: draws of a second covariance.
+    carries it. ``keep_outliers`` names the poses that contradict the others, but uses them. ``bootstrap``: draws of a
+    second covariance.
     """
 
     poses: str
@@ -50,6 +51,7 @@ class Config:
     largest_offset_s: float = 1.0
     most_poses: int = 60
     working_distance: float | None = None
+    keep_outliers: bool = False
     bootstrap: int = 0
     seed: int = 0
 

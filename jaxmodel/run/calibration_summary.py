@@ -1,9 +1,8 @@
-"""What a calibration found as plain trees and tables: ``summary.json``, ``calibration.json`` and the parquet files."""
+"""What a calibration found as plain trees: ``summary.json`` and ``calibration.json``."""
 
 from typing import Any
 
 import numpy as np
-import polars
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 from scipy.stats import t as student
@@ -85,7 +84,7 @@ def calibration(config: Config, poses: PairedPoses, found: Answers) -> dict[str,
         "deviation": None,
         "expected_error": None,
         "bootstrap_covariance": found.bootstrap,
-        "outliers": [poses.places[k] for k in np.flatnonzero(~found.kept)],
+        "outliers": [poses.places[k] for k in np.flatnonzero(found.outlier)],
     }
     if answer.covariance is not None:
         deviation = np.sqrt(np.diag(answer.covariance))
@@ -117,61 +116,6 @@ def disagreement(
     return (
         np.degrees(np.array([np.linalg.norm(pair[:, :3], axis=1) for pair in pairs])),
         np.array([np.linalg.norm(pair[:, 3:], axis=1) for pair in pairs]),
-    )
-
-
-def pose_rows(poses: PairedPoses, found: Answers) -> polars.DataFrame:
-    """``results.parquet``: a row for each method and pose; influence and leave-one-out with the recommended method."""
-    n, tables = len(poses.hand), []
-    none = np.full(n, np.nan)
-    turn, shift = np.linalg.norm(found.left_out[:, :3], axis=1), np.linalg.norm(found.left_out[:, 3:], axis=1)
-    for answer in found.answers:
-        known, chosen = len(answer.pose_rotation) == n, answer is found.recommended
-        tables.append(
-            polars.DataFrame(
-                {
-                    "method": [answer.method] * n,
-                    "pose": np.arange(n),
-                    "place": poses.places,
-                    "rotation_residual_deg": np.degrees(answer.pose_rotation) if known else none,
-                    "translation_residual_m": answer.pose_translation if known else none,
-                    "outlier": ~found.kept,
-                    "score": found.score,
-                    "influence": none if answer.influence is None else answer.influence,
-                    "left_out_angle_deg": np.degrees(turn) if chosen else none,
-                    "left_out_distance_m": shift if chosen else none,
-                }
-            ).fill_nan(None)
-        )
-    return polars.concat(tables, how="vertical")
-
-
-def motion_rows(found: Answers) -> polars.DataFrame:
-    """``motions.parquet``: a row for each method and motion, with the hand's rotation axis in its own frame."""
-    B, index = se3.inverse(found.motions.B), found.motions.index
-    turn = Rotation.from_matrix(B[:, :3, :3]).as_rotvec()
-    angle = np.linalg.norm(turn, axis=1)
-    axis = turn / np.maximum(angle, 1e-300)[:, None]
-    fixed = {
-        "first": index[:, 0],
-        "second": index[:, 1],
-        "angle_deg": np.degrees(angle),
-        **{f"axis_{letter}": axis[:, k] for k, letter in enumerate("xyz")},
-        "length_m": np.linalg.norm(B[:, :3, 3], axis=1),
-    }
-    return polars.concat(
-        [
-            polars.DataFrame(
-                {
-                    "method": [answer.method] * len(index),
-                    **fixed,
-                    "rotation_residual_deg": np.degrees(answer.pair_rotation),
-                    "translation_residual_m": answer.pair_translation,
-                }
-            )
-            for answer in found.answers
-        ],
-        how="vertical",
     )
 
 
@@ -254,7 +198,7 @@ def _outliers(poses: PairedPoses, found: Answers) -> list[dict[str, Any]]:
             "rotation_residual_deg": float(np.degrees(answer.pose_rotation[k])),
             "translation_residual_m": float(answer.pose_translation[k]),
         }
-        for k in np.flatnonzero(~found.kept)
+        for k in np.flatnonzero(found.outlier)
     ]
 
 
@@ -304,6 +248,8 @@ def _warnings(poses: PairedPoses, found: Answers) -> list[str]:
                 f"the streams turn by the same angles but not about axes that fit ({np.degrees(left):.1f} degrees are "
                 "left): is the set-up right, and are the poses T_base_hand and T_camera_target, not their inverses?"
             )
+    if found.outlier.any() and found.kept.all():
+        notes.append(f"{int(found.outlier.sum())} of {len(found.kept)} poses contradict the others, but all are used")
     covariance = found.recommended.covariance
     if covariance is not None and found.setup.x_name in found.recommended.transforms:
         expected = float(np.sqrt(np.trace(covariance[3:, 3:])))

@@ -27,7 +27,7 @@ class AxisSphere(NamedTuple):
 
 
 def sphere_png(sphere: AxisSphere) -> bytes:
-    """Both halves of the sphere, above and below its equator, as flat discs of equal area; larger turns, larger marks."""
+    """Both halves of the sphere, above and below its equator, as discs of equal area; larger turns, larger marks."""
     figure = Figure(figsize=(9.6, 4.8))
     places, angle = _both_ends(sphere)
     most = float(angle.max(initial=1.0))

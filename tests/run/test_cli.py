@@ -19,7 +19,8 @@ HEAVY = ("jax", "open3d", "polars", "matplotlib", "plotly", "scipy", "numpy", "t
 
 
 @pytest.mark.parametrize(
-    "words", [[], ["run"], ["sweep"], ["register"], ["report"], ["data"], ["data", "list"], ["data", "fetch"]]
+    "words",
+    [[], ["run"], ["sweep"], ["register"], ["calibrate"], ["report"], ["data"], ["data", "list"], ["data", "fetch"]],
 )
 def test_help_has_an_example_and_imports_nothing_heavy(words: list[str]) -> None:
     script = (
