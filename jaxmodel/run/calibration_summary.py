@@ -10,7 +10,6 @@ from scipy.stats import t as student
 from jaxmodel.calibrate.errors import expected_error
 from jaxmodel.calibrate.motions import excitation
 from jaxmodel.calibrate.observability import Observability
-from jaxmodel.calibrate.outcome import Outcome
 from jaxmodel.calibrate.resampling import differences
 from jaxmodel.geometry import se3
 from jaxmodel.run.calibration_answers import Answer, Answers
@@ -241,7 +240,7 @@ def _warnings(poses: PairedPoses, found: Answers) -> list[str]:
             "the two streams do not turn by the same angles, which no calibration changes: look at the pairing of the "
             "rows, the kind and order of the rotations and their unit"
         )
-    elif found.recommended.outcome in (Outcome.SOLVED, Outcome.SEVERAL_ANSWERS) and len(A) > 2:
+    elif len(A) > 2:
         left = float(np.median(found.recommended.pair_rotation))
         if left > 0.2 * typical:
             notes.append(

@@ -45,8 +45,8 @@ def sphere_png(sphere: AxisSphere) -> bytes:
         flat = _flat(places[here], side)
         marks = axes.scatter(*flat.T, c=angle[here], s=4 + 20 * angle[here] / most, cmap="viridis", vmin=0, vmax=most)
         if sphere.free is not None:
-            end = sphere.free * (side if side * sphere.free[2] >= 0 else -side)
-            spot = _flat(end[None] * np.sign(side * end[2] or 1.0), side)[0]
+            end = sphere.free if side * sphere.free[2] >= 0 else -sphere.free
+            spot = _flat(end[None], side)[0]
             axes.plot(*spot, "x", color=SECOND, ms=13, mew=3)
             axes.annotate("undetermined", spot, xytext=(8, 8), textcoords="offset points", color=SECOND)
         axes.annotate("+x", (1.03, 0), va="center", fontsize=9)
