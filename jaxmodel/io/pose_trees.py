@@ -64,8 +64,8 @@ def _streams(path: Path, tree: Any) -> dict[StreamName | None, list[tuple[str, A
     pairs = [isinstance(pose, Mapping) and {str(key).lower() for key in pose} & set(STREAMS) for _, pose in poses]
     if not any(pairs):
         return {None: poses}
-    return {stream: [(place, _half(path, place, pose, stream)) for place, pose in poses] for stream in
-            ("hand", "camera")}  # fmt: skip
+    streams: tuple[StreamName, ...] = ("hand", "camera")
+    return {stream: [(place, _half(path, place, pose, stream)) for place, pose in poses] for stream in streams}
 
 
 def _half(path: Path, place: str, pair: Any, stream: StreamName) -> Any:

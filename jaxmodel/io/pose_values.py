@@ -168,7 +168,7 @@ def _rotations(
         return values.reshape(-1, 3, 3)
     if names == QUATERNION:
         norm = np.linalg.norm(values, axis=1)
-        for k in np.flatnonzero(np.abs(norm - 1.0) > TOLERANCE):
+        for k in np.flatnonzero(np.abs(norm - 1.0) > TOLERANCE).tolist():
             raise InputError(
                 f"{path}, {places[k]}: the {stream}'s quaternion has the norm {norm[k]:.6g}, expected a unit quaternion"
             )

@@ -26,12 +26,12 @@ def axes_of(count: int = 80) -> tuple[np.ndarray, np.ndarray]:
 
 def test_outliers_have_a_colour_of_their_own():
     draw = np.random.default_rng(1)
-    pose, residuals = np.arange(20), draw.random((2, 20))
+    pose, turn, shift = np.arange(20), draw.random(20), draw.random(20)
     wrong = np.arange(20) == 7
-    images = [pixels(chart_png(residual_chart("joint", pose, *residuals, which))) for which in (wrong, ~wrong & wrong)]
+    images = [pixels(chart_png(residual_chart("joint", pose, turn, shift, which))) for which in (wrong, ~wrong & wrong)]
     assert orange(images[0]) > 20 and orange(images[1]) == 0
-    series = residual_chart("joint", pose, *residuals, wrong).panels[1].series
-    assert list(series[1].x) == [7] and list(series[1].y) == [residuals[1, 7]]
+    series = residual_chart("joint", pose, turn, shift, wrong).panels[1].series
+    assert list(series[1].x) == [7] and list(series[1].y) == [shift[7]]
 
 
 def test_what_is_not_known_leaves_a_gap():
