@@ -170,7 +170,7 @@ class Calibrate:
     """With --images: the camera's intrinsics (OpenCV, ROS, ViSP or JSON). Without, they are estimated."""
     target: str | None = None
     """With --images: chessboard:COLUMNSxROWS:SQUARE (inner corners, metres), charuco:CxR:SQUARE:MARKER:DICTIONARY or
-    apriltag:CxR:TAG:GAP:FAMILY."""
+    apriltag:CxR:PITCH:TAG:DICTIONARY."""
     working_distance: float | None = None
     """Metres from the camera at which the expected error is stated. Default: where the target was."""
     keep_outliers: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False

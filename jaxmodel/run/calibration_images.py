@@ -16,7 +16,7 @@ PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm")
 FORMS = {
     "chessboard": "chessboard:9x6:0.025 (inner corners, square in metres)",
     "charuco": "charuco:5x7:0.04:0.03:DICT_4X4_50 (squares, square, marker, dictionary)",
-    "apriltag": "apriltag:6x6:0.088:0.026:tag36h11 (tags, tag, gap, family)",
+    "apriltag": "apriltag:6x6:0.114:0.088:APRILTAG_36H11 (tags, from one to the next, side of a tag, dictionary)",
 }
 LARGEST_SQUARE = 1.0
 """Metres; beyond it millimetres are meant."""
@@ -37,9 +37,8 @@ def parse_target(words: str) -> Any:
         raise InputError(f"target {words!r}: a length of {largest:g} m; are these millimetres? Give metres")
     from jaxmodel.calibrate.images import Target
 
-    marker = None if kind == "chessboard" else lengths[1]
-    dictionary = None if kind == "chessboard" else parts[3]
-    return Target(kind, int(size[1]), int(size[2]), lengths[0], marker, dictionary)
+    more = [] if kind == "chessboard" else [lengths[1], parts[3]]
+    return Target(kind, int(size[1]), int(size[2]), lengths[0], *more)
 
 
 def _length(text: str) -> float | None:
@@ -73,6 +72,9 @@ def poses_of_images(hand: PoseStream, images: Images) -> PairedPoses:
                          "pictures; at least 2 are needed")  # fmt: skip
     lost = [file.name for file, there in zip(chosen, found.found, strict=True) if not there]
     notes = [f"the target is not found in {', '.join(lost)}"] if lost else []
+    doubtful = [file.name for file, twofold in zip(chosen, found.ambiguous, strict=True) if twofold]
+    if doubtful:
+        notes.append(f"the target is too small or far to tell its pose from the mirrored one in {', '.join(doubtful)}")
     pixels = float(np.sqrt(np.mean(found.reprojection_px[seen] ** 2)))
     notes.append(f"the target is found in {len(seen)} of {len(chosen)} pictures, reprojection {pixels:.3g} px (rms)")
     if camera is None:

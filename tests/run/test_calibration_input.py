@@ -161,8 +161,8 @@ class Target:
     columns: int
     rows: int
     square: float
-    marker: float | None = None
-    dictionary: str | None = None
+    marker: float = 0.0
+    dictionary: str = ""
 
 
 @dataclass(frozen=True)
@@ -176,6 +176,7 @@ class TargetPoses:
     found: np.ndarray
     reprojection_px: np.ndarray
     camera: Camera
+    ambiguous: np.ndarray
 
 
 @pytest.fixture
@@ -193,7 +194,8 @@ def pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
         found = np.array([number != 4 for number in numbers])
         poses = np.where(found[:, None, None], CAMERA[numbers], np.nan)
         pixels = np.where(found, 0.3, np.nan)
-        return TargetPoses(poses, found, pixels, Camera(np.array([[600.0, 0, 320], [0, 601, 240], [0, 0, 1]])))
+        camera = Camera(np.array([[600.0, 0, 320], [0, 601, 240], [0, 0, 1]]))
+        return TargetPoses(poses, found, pixels, camera, np.array([number == 2 for number in numbers]))
 
     detector, reader = ModuleType("jaxmodel.calibrate.images"), ModuleType("jaxmodel.io.camera")
     detector.__dict__.update(Target=Target, target_poses=target_poses)
@@ -217,7 +219,8 @@ def test_pictures_in_place_of_poses(tmp_path, pictures):
     np.testing.assert_array_equal(found.camera, CAMERA[kept])
     assert found.places[3:6] == ("shot4.png", "shot6.png", "shot7.png")
     assert found.notes[0] == "the target is not found in shot5.png"
-    assert "11 of 12 pictures, reprojection 0.3 px" in found.notes[1]
+    assert "to tell its pose from the mirrored one in shot3.png" in found.notes[1]
+    assert "11 of 12 pictures, reprojection 0.3 px" in found.notes[2]
     assert pictures[0][1] == Target("chessboard", 9, 6, 0.025)
     assert pictures[0][2] == ("camera of", tmp_path / "camera.yaml")
     assert {"robot.csv", "shot1.png", "camera.yaml"} <= {file.name for file in found.files}
@@ -226,7 +229,7 @@ def test_pictures_in_place_of_poses(tmp_path, pictures):
 def test_a_camera_without_a_file_is_estimated_and_said(tmp_path, pictures):
     found = load_poses(config(files.write(tmp_path / "robot.csv", hand=HAND), images=images_of(tmp_path)))
     assert pictures[0][2] is None
-    assert "the camera is estimated from the pictures: focal lengths 600.0, 601.0 px" in found.notes[2]
+    assert "the camera is estimated from the pictures: focal lengths 600.0, 601.0 px" in found.notes[3]
 
 
 def test_poses_that_name_their_pictures(tmp_path, pictures):
@@ -264,7 +267,7 @@ def test_too_few_pictures_with_the_target(tmp_path, pictures):
 
 def test_targets_in_words(pictures):
     assert parse_target("charuco:5x7:0.04:0.03:DICT_4X4_50") == Target("charuco", 5, 7, 0.04, 0.03, "DICT_4X4_50")
-    assert parse_target("apriltag:6x4:0.088:0.026:tag36h11") == Target("apriltag", 6, 4, 0.088, 0.026, "tag36h11")
+    assert parse_target("apriltag:6x4:0.11:0.09:APRILTAG_25H9") == Target("apriltag", 6, 4, 0.11, 0.09, "APRILTAG_25H9")
 
 
 @pytest.mark.parametrize(
@@ -277,7 +280,7 @@ def test_targets_in_words(pictures):
         ("chessboard:9x6:-0.025", "expected chessboard:9x6:0.025"),
         ("chessboard:9x6:25", "a length of 25 m; are these millimetres"),
         ("charuco:5x7:0.04:0.03", "expected charuco:5x7"),
-        ("apriltag:6x6:0.088:nan:tag36h11", "expected apriltag:6x6"),
+        ("apriltag:6x6:0.088:nan:APRILTAG_36H11", "expected apriltag:6x6"),
     ],
 )
 def test_bad_targets_are_named(words, sentence):
