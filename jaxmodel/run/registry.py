@@ -26,6 +26,12 @@ EXPERIMENTS = {
     "cylinder": "jaxmodel.run.cylinder",
     "global_table": "jaxmodel.run.global_table",
     "calibration": "jaxmodel.run.calibration",
+    "hand_eye_noise": "jaxmodel.run.hand_eye_noise",
+    "hand_eye_count": "jaxmodel.run.hand_eye_count",
+    "hand_eye_trajectories": "jaxmodel.run.hand_eye_trajectories",
+    "hand_eye_averaging": "jaxmodel.run.hand_eye_averaging",
+    "hand_eye_self_calibration": "jaxmodel.run.hand_eye_self_calibration",
+    "hand_eye_observability": "jaxmodel.run.hand_eye_observability",
 }
 """Name -> module with the members of ``Experiment``, imported when asked for."""
 
