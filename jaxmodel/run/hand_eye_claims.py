@@ -94,6 +94,14 @@ def shown(estimate: Mapping[str, Any]) -> str:
     return f"{value} ({low} to {high}) {estimate['verdict']}"
 
 
+def tested_twice(
+    claim: Claim, cells: Sequence[polars.DataFrame], report_draws: int, resamples: int, seed: int
+) -> dict[str, Any]:
+    """As ``tested``, with the verdicts on the first ``report_draws`` draws alone under ``report``."""
+    first = [cell.filter(polars.col("draw") < report_draws) for cell in cells]
+    return {**tested(claim, cells, resamples, seed), "report": tested(claim, first, resamples, seed)}
+
+
 def claims_table(found: Sequence[Mapping[str, Any]], command: str) -> Table:
     """Every tested claim: what the report says, and both ratios with their verdicts."""
     rows = [
@@ -104,8 +112,17 @@ def claims_table(found: Sequence[Mapping[str, Any]], command: str) -> Table:
             f"{claim['draws']} x {claim['levels']}",
             shown(claim["rms"]),
             shown(claim["typical"]),
+            _first_draws(claim),
         )
         for claim in found
     ]
-    columns = ("published", "error of", "ratio", "draws x levels", "ours: RMS", "ours: typical draw")
+    columns = ("published", "error of", "ratio", "draws x levels", "ours: RMS", "ours: typical draw",
+               "the report's number of draws alone: RMS, typical")  # fmt: skip
     return Table(f"Published | ours: claims, below 1 is as claimed, 95 % intervals | {command}", columns, rows)
+
+
+def _first_draws(claim: Mapping[str, Any]) -> str:
+    if "report" not in claim:
+        return ""
+    first = claim["report"]
+    return f"{first['draws']}: {first['rms']['verdict']}, {first['typical']['verdict']}"

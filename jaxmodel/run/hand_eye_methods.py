@@ -68,9 +68,9 @@ class Stopwatch:
     def __init__(self) -> None:
         self._compiled: set[tuple[Any, ...]] = set()
 
-    def run(self, methods: Sequence[str], A: np.ndarray, B: np.ndarray, mask: np.ndarray | None = None) -> Mapping[
-        str, tuple[np.ndarray, float]
-    ]:
+    def run(
+        self, methods: Sequence[str], A: np.ndarray, B: np.ndarray, mask: np.ndarray | None = None
+    ) -> Mapping[str, tuple[np.ndarray, float]]:
         """Method -> X of each problem, and seconds a problem."""
         found = {}
         for method in methods:

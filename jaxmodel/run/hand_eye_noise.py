@@ -4,14 +4,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-import numpy as np
 import polars
 
 from jaxmodel.calibrate import simulation
 from jaxmodel.io.results import RunDir
 from jaxmodel.run import hand_eye_claims as claims
 from jaxmodel.run.hand_eye_methods import OURS, PUBLISHED, SENTENCE, Stopwatch
-from jaxmodel.run.hand_eye_study import Cell, HandEyeStudy, Measured, draw_hand_eye
+from jaxmodel.run.hand_eye_report import (
+    ERRORS,
+    check_draws,
+    chosen_table,
+    draw_hand_eye,
+    error_cells,
+    error_panels,
+    times_table,
+)
+from jaxmodel.run.hand_eye_study import Cell, HandEyeStudy, Measured
 from jaxmodel.run.published import published_table
 from jaxmodel.view.charts import Chart, Panel, Series
 from jaxmodel.view.table import Table
@@ -52,15 +60,6 @@ class Config:
             raise ValueError("noise holds nothing above 0, expected levels >= 0, at least one of them above 0")
 
 
-def check_draws(config: Any) -> None:
-    """Refuse numbers of draws that make no sense, naming the first of them."""
-    for name, least in (("seed", 0), ("draws", 2), ("report_draws", 2), ("chunk", 1), ("resamples", 100)):
-        if getattr(config, name) < least:
-            raise ValueError(f"{name} is {getattr(config, name)}, expected {least} or more")
-    if config.report_draws > config.draws:
-        raise ValueError(f"report_draws is {config.report_draws}, expected at most draws, {config.draws}")
-
-
 def prepare(config: Config) -> HandEyeStudy:
     """The cells: both amplitudes at every noise level, the same draws at all of them."""
     clock, cells = Stopwatch(), []
@@ -68,7 +67,9 @@ def prepare(config: Config) -> HandEyeStudy:
         amplitude: Amplitude = getattr(config, name)
         for noise in config.noise:
 
-            def measure(first: int, count: int, s: int = stream, a: Amplitude = amplitude, x: float = noise) -> Measured:
+            def measure(
+                first: int, count: int, s: int = stream, a: Amplitude = amplitude, x: float = noise
+            ) -> Measured:
                 return _measure(config.seed, s, a, x, first, count, clock)
 
             cells.append(Cell({"motions": name, "noise": noise}, config.draws, measure))
@@ -106,12 +107,12 @@ def _claims() -> list[tuple[str, claims.Claim]]:
 
 
 def _summarise(config: Config, rows: polars.DataFrame, seconds: list[dict[str, Any]]) -> dict[str, Any]:
+    levels = [noise for noise in config.noise if noise > 0]
     tests = []
     for motions, claim in _claims():
-        for draws in dict.fromkeys((config.report_draws, config.draws)):
-            of = rows.filter((polars.col("motions") == motions) & (polars.col("draw") < draws))
-            cells = [of.filter(polars.col("noise") == noise) for noise in config.noise if noise > 0]
-            tests.append(claims.tested(claim, cells, config.resamples, config.seed))
+        of = rows.filter(polars.col("motions") == motions)
+        cells = [of.filter(polars.col("noise") == noise) for noise in levels]
+        tests.append(claims.tested_twice(claim, cells, config.report_draws, config.resamples, config.seed))
     curves = [
         {"motions": motions, "noise": noise, "draws": draws, "method": method, **claims.described(cell, method)}
         for motions in ("large", "small")
@@ -138,43 +139,11 @@ def tables(summary: Mapping[str, Any], command: str) -> list[Table]:
         for of in summary["curves"]
         if of["noise"] in picked and of["draws"] == summary["all_draws"]
     ]
-    errors = Table("Two motions (Figs 3.2 and 3.4 are curves without numbers)", ("motions", "draws", "method", *ERRORS), rows)
+    errors = Table(
+        "Two motions (Figs 3.2 and 3.4 are curves without numbers)", ("motions", "draws", "method", *ERRORS), rows
+    )
     return [errors, times_table(summary, "Fig. 3.3", ("motions",)), claims.claims_table(summary["claims"], command),
             chosen_table(summary)]  # fmt: skip
-
-
-ERRORS = ("rotation RMS (2 - 2 cos a/2)", "RMS angle", "median angle", "translation RMS", "median")
-
-
-def error_cells(of: Mapping[str, Any]) -> tuple[str, ...]:
-    """A described method as cells under ``ERRORS``."""
-    return (
-        f"{of['rotation_rms']:.2e}",
-        f"{of['rotation_rms_deg']:.3g}°",
-        f"{of['rotation_median_deg']:.3g}°",
-        f"{of['translation_rms']:.3g}",
-        f"{of['translation_median']:.3g}",
-    )
-
-
-def chosen_table(summary: Mapping[str, Any]) -> Table:
-    """What the report leaves open and was chosen here."""
-    return Table("Chosen here, not stated in the report", ("what",), [(summary["chosen"],)])
-
-
-def times_table(summary: Mapping[str, Any], figure: str, keys: tuple[str, ...]) -> Table:
-    """Mean seconds of each method over the cells that share ``keys``."""
-    groups: dict[tuple[Any, ...], list[Mapping[str, float]]] = {}
-    for of in summary["times"]:
-        if of["seconds"]:
-            groups.setdefault(tuple(of[key] for key in keys), []).append(of["seconds"])
-    methods = list(dict.fromkeys(method for of in groups.values() for one in of for method in one))
-    rows = [
-        (" ".join(str(part) for part in group), *(f"{1e6 * np.mean([one[m] for one in of]):.1f}" for m in methods))
-        for group, of in groups.items()
-    ]
-    title = f"Microseconds a calibration, in batches ({figure} is a curve without numbers)"
-    return Table(title, (", ".join(keys), *methods), rows)
 
 
 def charts(summary: Mapping[str, Any], rows: polars.DataFrame) -> list[Chart]:
@@ -184,41 +153,15 @@ def charts(summary: Mapping[str, Any], rows: polars.DataFrame) -> list[Chart]:
         for draws in dict.fromkeys((summary["report_draws"], summary["all_draws"])):
             curves = [of for of in summary["curves"] if of["motions"] == motions and of["draws"] == draws]
             title = f"Fig. {figure}: two {motions} motions, {draws} draws"
-            drawn.append(Chart(f"figure-{figure}-{draws}-draws", title, error_panels(curves, "noise", "noise", METHODS)))
+            drawn.append(
+                Chart(f"figure-{figure}-{draws}-draws", title, error_panels(curves, "noise", "noise", METHODS))
+            )
     panels = []
     for motions in ("large", "small"):
         of = [one for one in summary["times"] if one["motions"] == motions]
         series = [Series(m, [one["noise"] for one in of], [1e6 * one["seconds"][m] for one in of]) for m in METHODS]
         panels.append(Panel(f"{motions} motions", "noise", "time (microseconds a calibration)", series, log_y=True))
     return [*drawn, Chart("figure-3.3-times", "Fig. 3.3: time", panels)]
-
-
-def error_panels(curves: list[Any], key: str, label: str, methods: tuple[str, ...]) -> list[Panel]:
-    """RMS and median of both errors along a key, one curve a method."""
-    wanted = (
-        ("rotation_rms", "RMS of 2 - 2 cos(angle / 2)"),
-        ("translation_rms", "RMS of |t - t*| / |t*|"),
-        ("rotation_median_deg", "median angle (°)"),
-        ("translation_median", "median of |t - t*| / |t*|"),
-    )
-    return [
-        Panel(
-            what,
-            label,
-            what,
-            [
-                Series(method, [of[key] for of in curves if of["method"] == method], _positive(curves, method, name))
-                for method in methods
-            ],
-            log_y=True,
-        )
-        for name, what in wanted
-    ]
-
-
-def _positive(curves: list[Any], method: str, name: str) -> list[float]:
-    values = [of[name] for of in curves if of["method"] == method]
-    return [value if value is not None and value > 1e-12 else np.nan for value in values]
 
 
 def draw(folder: RunDir, summary: Mapping[str, Any]) -> list[str]:

@@ -16,11 +16,7 @@ from jaxmodel.io.results import RunDir, json_text
 from jaxmodel.io.strict_yaml import unstructure
 from jaxmodel.run.console import Progress
 from jaxmodel.run.convergence_table import case_rows
-from jaxmodel.run.provenance import facts
 from jaxmodel.run.registry import Prepared, experiment_module
-from jaxmodel.run.study_report import read_table
-from jaxmodel.view.charts import Chart
-from jaxmodel.view.table import Table
 
 Label = str | float | int
 _SECONDS = "seconds "
@@ -102,27 +98,3 @@ class HandEyeStudy(Prepared):
             folder.write_part(key, chunk, parts[chunk])
             progress.advance(count)
         return case_rows(parts, cell.draws, folder.path / "parts").rename({"start": "draw"})
-
-
-Tables = Callable[[Mapping[str, Any], str], list[Table]]
-Charts = Callable[[Mapping[str, Any], polars.DataFrame], list[Chart]]
-
-
-def draw_hand_eye(
-    folder: RunDir, summary: Mapping[str, Any], title: str, tables: Tables, charts: Charts
-) -> list[str]:
-    """Draw every chart and the report from a finished run's folder; the figures' names, relative to it."""
-    rows = read_table(folder.path / "results.parquet")
-    manifest = folder.read_json("manifest.json")
-    from jaxmodel.view.chart_drawing import chart_png
-    from jaxmodel.view.report import render_report
-
-    drawn, written = charts(summary, rows), []
-    for chart in drawn:
-        name = f"figures/{chart.name}.png"
-        folder.write(name, chart_png(chart))
-        written.append(name)
-    about = {**facts(manifest), "draws": str(summary["draws"]), "chosen here": summary["chosen"]}
-    page = render_report(title, about, tables(summary, manifest["command"]), drawn)
-    folder.write("report.html", page.encode())
-    return written
