@@ -123,8 +123,9 @@ def _summarise(config: Config, rows: polars.DataFrame, seconds: list[dict[str, A
         for method in METHODS
     ]
     chosen = (
-        f"large motions {config.large.angle:g} rad and length {config.large.length:g}, small {config.small.angle:g} rad "
-        f"and {config.small.length:g} (standard deviations of each angle and coordinate; X: 1 rad and 1); {SENTENCE}"
+        f"large motions {config.large.angle:g} rad and length {config.large.length:g}, small ones "
+        f"{config.small.angle:g} rad and {config.small.length:g} (standard deviations of each angle and coordinate; "
+        f"X: 1 rad and 1); {SENTENCE}"
     )
     return {"chosen": chosen, "report_draws": config.report_draws, "all_draws": config.draws, "claims": tests,
             "curves": curves}  # fmt: skip

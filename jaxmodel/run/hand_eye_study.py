@@ -64,7 +64,7 @@ class HandEyeStudy(Prepared):
             seconds.append({**cell.labels, "seconds": means})
             labels = [polars.lit(value).alias(name) for name, value in cell.labels.items()]
             tables.append(rows.drop(taken).select(*labels, polars.all()))
-        table = polars.concat(tables, how="vertical_relaxed")
+        table = polars.concat(tables, how="diagonal_relaxed")
         folder.write_table("results.parquet", table)
         summary = {
             "experiment": self.name,
