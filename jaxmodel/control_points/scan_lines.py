@@ -13,14 +13,13 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from jaxmodel.control_points.sectors import sector_starts
 from jaxmodel.errors import InputError
 from jaxmodel.scan.range_image import RangeImage, Scan
 
 BRIDGE = 2  # missing readings in a row that a surface may reach across
 _BLOCK = 1 << 14  # pixels treated together: their arrays stay in the cache
 _SAMPLE = 1 << 18  # pixels that medians over the whole image are taken from
-_SECTOR = 2.0  # length of the rays' path on the unit sphere seen in one frame; a longer line is cut
-_APART = 1.0  # between the ends of neighbouring unit rays: with that, all rays are within 60 degrees of their middle
 _THIRD = np.sqrt(20.0)  # standard deviation of a third difference of unit noise
 
 
@@ -159,16 +158,9 @@ def line_frames(
     pitch: float,
     toward: Float[np.ndarray, "3"] | None,
 ) -> LineFrames:
-    """A frame for each line of some readings, or several where the line is wider than 115 degrees."""
+    """A frame for each line of some readings, or several where the line is wider than about 100 degrees."""
     rays = points if toward is not None else points / distance[:, None]
-    new = np.append(True, np.diff(line) != 0)
-    if toward is None:
-        turn = np.append(0.0, np.sqrt(np.sum(np.diff(rays, axis=0) ** 2, axis=1)))
-        turned = np.cumsum(turn)
-        turned -= turned[new][np.cumsum(new) - 1]
-        # lines in turn are cut at different places, so no edge of the scene lies along all cuts
-        sector = np.floor(turned / _SECTOR + 0.5 * (line % 2) * (turned.max() > _SECTOR)).astype(np.int64)
-        new |= np.append(True, np.diff(sector) != 0) | (turn > _APART)
+    new = np.append(True, np.diff(line) != 0) if toward is not None else sector_starts(points, rays, line)
     starts = np.flatnonzero(new)
     group = np.cumsum(new) - 1
     count = np.diff(np.append(starts, len(line)))

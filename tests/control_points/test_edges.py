@@ -148,9 +148,7 @@ def test_a_plane_has_nothing_but_the_border_of_the_image(sigma: float) -> None:
         np.testing.assert_array_equal(found.kind != EdgeKind.NONE, beside)
 
 
-@pytest.mark.parametrize(
-    "wall", [2.0, pytest.param(4.0, marks=pytest.mark.xfail(strict=True, reason="one line of 38 misses the corner"))]
-)
+@pytest.mark.parametrize("wall", [1.0, 2.0, 3.5, 4.0, 5.0, 8.0])
 def test_a_wide_view_of_a_flat_wall_has_no_crease(wall: float) -> None:
     """A panorama of half a turn: rays of equal steps in angle, not in tangent."""
     turn, lift = np.meshgrid(np.linspace(-1.5, 1.5, 500), np.linspace(-0.5, 0.5, 40))
@@ -398,6 +396,42 @@ def test_readings_that_are_no_numbers_count_as_missing(value: float) -> None:
     valid[10:14, 20:26] = False
     clean = RangeImage(np.where(valid[..., None], points, np.nan), valid, image.eye)
     assert same(find_edges(RangeImage(points, image.valid, image.eye)), find_edges(clean))
+
+
+ROW, COLUMN = np.indices((20, 30)).astype(float)
+NONE = np.zeros((20, 30))
+ODD_POINTS = {
+    "a plane through the sensor": np.stack([COLUMN - 15, ROW - 10, NONE], axis=-1),
+    "opposite rays in every line": np.stack([COLUMN - 14.5, NONE, NONE], axis=-1),
+    "one ray for all": (1 + COLUMN + ROW)[..., None] * np.array([1.0, 2.0, 3.0]),
+    "one ray for each row": np.stack([0.1 * ROW, NONE, 1 + NONE], axis=-1) * (1 + COLUMN)[..., None],
+    "one point": np.ones((20, 30, 3)),
+    "all at the sensor": np.zeros((20, 30, 3)),
+    "infinite": np.full((20, 30, 3), np.inf),
+    "one reading a line": np.where(np.eye(20, 30, dtype=bool)[..., None], 1 + NONE[..., None], np.nan),
+    "one reading": np.where((ROW == 3)[..., None] & (COLUMN == 4)[..., None], 5 + NONE[..., None], np.nan),
+    "one reading far out": np.where((ROW == 3)[..., None] & (COLUMN == 4)[..., None], 1e8, 1 + NONE[..., None]),
+}
+
+
+@pytest.mark.parametrize("name", ODD_POINTS)
+@pytest.mark.parametrize("eye", [(0, 0, 0, 1), (0, 0, 1, 0), (0, 0, 1, 1)])
+def test_points_that_no_sensor_gives_divide_by_nothing(name: str, eye: tuple[int, ...]) -> None:
+    points = ODD_POINTS[name] * np.ones(3)
+    with np.errstate(all="raise"):
+        found = find_edges(RangeImage(points, np.isfinite(points).all(axis=-1), np.array(eye, dtype=float)))
+    assert not found.valid[~np.isfinite(points).all(axis=-1)].any()
+    assert (found.kind[~found.valid] == EdgeKind.NONE).all()
+
+
+def test_points_on_a_coarse_lattice_divide_by_nothing() -> None:
+    """Equal points, equal and opposite rays, readings at the sensor: all of them in every image."""
+    rng = np.random.default_rng(0)
+    for _ in range(40):
+        shape = rng.integers(1, 12, 2)
+        image = RangeImage(rng.choice([-1.0, 0.0, 0.5, 1.0], size=(*shape, 3)), rng.random(shape) < 0.8)
+        with np.errstate(all="raise"):
+            assert not find_edges(image).valid[~image.valid].any()
 
 
 def test_a_reading_at_the_sensor_counts_as_missing() -> None:
