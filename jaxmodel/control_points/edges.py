@@ -23,6 +23,7 @@ from jaxmodel.scan.range_image import JUMP, Scan
 __all__ = ["EdgeKind", "EdgeMap", "EdgeOptions", "find_edges"]
 
 _AROUND, _SUPPORT = 5, 3  # an edge has so many pixels, itself among them, in a window of that side
+_WEAK = 0.75  # of the significance asked for: enough for a crease that leads on from a certain one
 _MIXED_WIDTH = 2  # rounds of removal: readings a beam's footprint spoils on each side of a jump
 
 
@@ -88,35 +89,42 @@ def _segmented(arrays: LineArrays, gain: float) -> tuple[Joints, Float[np.ndarra
 
 
 class _Found(NamedTuple):
-    """Joints along one axis that are edges: jumps, and creases with their angles."""
+    """Joints along one axis that are edges: jumps, and creases with their angles and whether they are certain."""
 
     jumps: Joints
     creases: Joints
     angle_deg: Float[np.ndarray, " k"]
+    certain: Bool[np.ndarray, " k"]
 
 
 def _edges_among(joints: Joints, across: Float[np.ndarray, "n m 3"], options: EdgeOptions) -> _Found:
     """Joints whose sides differ in depth are jumps; those whose sides differ in direction are creases."""
     apart = np.abs(joints.step) > options.step * (joints.after - joints.before)
     apart &= np.abs(joints.step) > options.significance * joints.step_deviation
-    bent = joints.take(~apart & (joints.certainty * np.sign(joints.turn) > options.significance))
+    certainty = joints.certainty * np.sign(joints.turn)
+    bent = joints.take(~apart & (certainty > _WEAK * options.significance))
     angle = crease_angles(bent, across)
     sharp = np.abs(angle) >= options.angle_deg
-    return _Found(joints.take(apart), bent.take(sharp), angle[sharp])
+    bent = bent.take(sharp)
+    return _Found(joints.take(apart), bent, angle[sharp], bent.certainty * np.sign(bent.turn) > options.significance)
 
 
 def _mark_joints(marks: EdgeMarks, found: list[_Found]) -> None:
     """Mark the edges found along both axes that others of their sort go on from."""
     shape = marks.kind.shape
-    ridges, valleys, depth = (np.zeros(shape, dtype=bool) for _ in range(3))
+    ridges, valleys, weak_ridges, weak_valleys, depth = (np.zeros(shape, dtype=bool) for _ in range(5))
     depth |= marks.kind == EdgeKind.DEPTH
-    for axis, (jumps, creases, angle) in enumerate(found):
-        ridges[_pixels(creases, axis, creases.place)] |= angle > 0
-        valleys[_pixels(creases, axis, creases.place)] |= angle < 0
+    for axis, (jumps, creases, angle, certain) in enumerate(found):
+        here = _pixels(creases, axis, creases.place)
+        ridges[here] |= (angle > 0) & certain
+        valleys[here] |= (angle < 0) & certain
+        weak_ridges[here] |= angle > 0
+        weak_valleys[here] |= angle < 0
         for end in (jumps.before, jumps.after):
             depth[_pixels(jumps, axis, end)] = True
-    ridges, valleys, depth = (_supported(part) for part in (ridges, valleys, depth))
-    for axis, (jumps, creases, angle) in enumerate(found):
+    depth = _supported(depth)
+    ridges, valleys = _continued(_supported(ridges), weak_ridges), _continued(_supported(valleys), weak_valleys)
+    for axis, (jumps, creases, angle, _) in enumerate(found):
         here = _pixels(creases, axis, creases.place)
         kept = np.where(angle > 0, ridges[here], valleys[here])
         marks.mark_creases(axis, creases.line[kept], creases.place[kept], angle[kept])
@@ -129,6 +137,13 @@ def _mark_joints(marks: EdgeMarks, found: list[_Found]) -> None:
 
 def _pixels(joints: Joints, axis: int, place: Int[np.ndarray, " k"]) -> tuple[np.ndarray, np.ndarray]:
     return (joints.line, place) if axis == 1 else (place, joints.line)
+
+
+def _continued(sure: Bool[np.ndarray, "h w"], marked: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
+    """The sure pixels and the marked ones that lead on from them without a gap."""
+    from scipy.ndimage import binary_dilation
+
+    return np.asarray(binary_dilation(sure, np.ones((3, 3)), iterations=-1, mask=marked | sure), dtype=bool)
 
 
 def _supported(marked: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:

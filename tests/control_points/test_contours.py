@@ -277,15 +277,7 @@ def test_real_scan(data_dir: Path, name: str) -> None:
 
 
 @pytest.mark.data
-@pytest.mark.parametrize(
-    "name",
-    [
-        "bun000",
-        pytest.param(
-            "top3", marks=pytest.mark.xfail(strict=True, reason="the edges leave 96 crease pixels in contours here")
-        ),
-    ],
-)
+@pytest.mark.parametrize("name", ["bun000", "top3"])
 def test_a_real_scan_has_crease_contours(data_dir: Path, name: str) -> None:
     from jaxmodel.io.scans import load_scan
 
