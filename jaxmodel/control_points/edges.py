@@ -33,7 +33,8 @@ class EdgeOptions:
 
     ``jump``: steps between neighbouring readings beyond so many pitches, and beyond the noise, are jump edges.
     ``angle_deg``: least angle between the normals of the two sides of a crease. ``step``: a joint whose two sides
-    differ by so many pitches in depth is a jump edge too. ``significance``: standard deviations a turn or step passes.
+    differ by so many pitches in depth is a jump edge too. ``significance``: standard deviations a turn or step passes;
+    a turn next to a certain one passes three quarters of it.
     ``gain``: what a joint must lower the chi-square of the parabola through both its segments by.
     """
 
