@@ -9,7 +9,8 @@ from test_motions import streams
 from jaxmodel.calibrate.conclude import pair_residuals
 from jaxmodel.calibrate.motions import Setup, chain, motion_pairs
 from jaxmodel.calibrate.outcome import Outcome
-from jaxmodel.calibrate.poses import HandEye, calibrate_poses
+from jaxmodel.calibrate.poses import HandEye, calibrate_poses, joint_many
+from jaxmodel.calibrate.solve import METHODS
 from jaxmodel.calibrate.synchronise import ordered, synchronise
 from jaxmodel.errors import InputError
 from jaxmodel.io.hand_eye import read_labelled_csv, read_pairs_storage, read_timed_csv
@@ -60,6 +61,39 @@ def test_bad_input_is_named():
         calibrate_poses(hand, camera, method="tsai")
     with pytest.raises(InputError, match="weights must be 8"):
         calibrate_poses(hand, camera, weights=np.ones(3))
+
+
+@pytest.mark.parametrize("method", ["joint", *sorted(METHODS)])
+@pytest.mark.parametrize("pairs", ["all", "spread"])
+def test_the_order_of_the_poses_does_not_matter(method, pairs):
+    """Pairs are made in an order of their own, so a permutation of the rows is no other problem."""
+    s = Simulation(4)
+    hand, camera, _, _ = streams(Setup.EYE_IN_HAND, s)
+    camera = s.noisy(camera, 0.01, 0.02)
+    hand[3], camera[3] = hand[6], camera[6]  # a pose taken twice
+    plain = calibrate_poses(hand, camera, method=method, pairs=pairs)
+    for _ in range(3):
+        order = s.rng.permutation(len(hand))
+        again = calibrate_poses(hand[order], camera[order], method=method, pairs=pairs)
+        np.testing.assert_allclose(again.X, plain.X, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(again.Z, plain.Z, rtol=0, atol=1e-9)
+
+
+def test_a_thousand_orders_of_the_poses():
+    """The pairs of every order are the same ones, and ``joint`` gives the same X (and Z) whatever the order."""
+    s = Simulation(5)
+    hand, camera, _, _ = streams(Setup.EYE_IN_HAND, s)
+    camera = s.noisy(camera, 0.01, 0.02)
+    reference = motion_pairs(chain(hand, camera, Setup.EYE_IN_HAND))
+    orders = np.stack([s.rng.permutation(8) for _ in range(1000)])
+    for order in orders:
+        pairs = motion_pairs(chain(hand[order], camera[order], Setup.EYE_IN_HAND))
+        np.testing.assert_array_equal(pairs.A, reference.A)
+        np.testing.assert_array_equal(pairs.B, reference.B)
+        np.testing.assert_array_equal(order[pairs.index], reference.index)
+    found = joint_many(hand[orders], camera[orders])
+    for T in (found.X, found.Z):
+        assert max(np.ptp(T.R, axis=0).max(), np.ptp(T.t, axis=0).max()) < 1e-9
 
 
 def residual_medians(found: HandEye, hand: np.ndarray, camera: np.ndarray, setup: Setup) -> tuple[float, float]:

@@ -91,7 +91,8 @@ def test_the_covariance_is_that_of_the_errors_and_intervals_hold_x(method, strea
     """Normalised squared error within 10 % of 6 at 20 motions; with 5, Student's intervals hold, normal ones do not."""
     A, B, found, e = solved(20, method)
     told = [motion_uncertainty(*one, noise_in=stream) for one in zip(A, B, found, strict=True)]
-    squared = [d @ np.linalg.solve(u.covariance, d) for d, u in zip(e, told, strict=True)]
+    # a variance of nu degrees of freedom: the mean of the squares is nu / (nu - 2) times that of chi-squared
+    squared = [d @ np.linalg.solve(u.covariance, d) * (u.freedom - 2) / u.freedom for d, u in zip(e, told, strict=True)]
     assert 0.9 < np.mean(squared) / 6 < 1.1
     np.testing.assert_allclose(np.mean([u.rotation_noise for u in told]), NOISE, rtol=0.02)
     np.testing.assert_allclose(np.mean([u.translation_noise for u in told]), NOISE, rtol=0.02)
