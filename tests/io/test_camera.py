@@ -82,7 +82,8 @@ def test_every_form_gives_the_same_camera(tmp_path, text):
 
 
 def visp(models: str) -> str:
-    return f"<root><camera><name>c</name><image_width>640</image_width><image_height>480</image_height>{models}</camera></root>"
+    size = "<image_width>640</image_width><image_height>480</image_height>"
+    return f"<root><camera><name>c</name>{size}{models}</camera></root>"
 
 
 WITHOUT = "<model><type>perspectiveProjWithoutDistortion</type><px>500</px><py>501</py><u0>320</u0><v0>240</v0></model>"
