@@ -217,7 +217,7 @@ def test_bad_images_are_named(tmp_path):
     cv2.imwrite(str(small), np.zeros((240, 320), np.uint8))
     with pytest.raises(InputError, match=r"small\.png has 320 x 240 pixels, but the first image has 640 x 480"):
         target_poses([images[0], small], CHARUCO)
-    with pytest.raises(InputError, match="None of the 2 images shows the target .chessboard of 9 x 6 inner corners"):
+    with pytest.raises(InputError, match=r"None of the 2 images shows the target \(chessboard of 9 x 6 inner corners"):
         target_poses(images, CHESSBOARD, PINHOLE)
 
 
