@@ -79,7 +79,7 @@ def take(
     rng, sheet, paths = np.random.default_rng(1), printed(target), []
     folder.mkdir(parents=True, exist_ok=True)
     for k, T in enumerate(poses):
-        picture = photograph([sheet], camera, T)
+        picture = photograph([sheet], camera, T, samples=2)
         if hide:
             picture[:, : int(hide * camera.width)] = 128.0
         if blur:

@@ -1,0 +1,171 @@
+"""Motions from images of a scene of which nothing is known: rendered boxes with known poses, no target at all."""
+
+import sys
+
+import cv2
+import numpy as np
+import pytest
+from rendered_targets import PINHOLE, pose_errors, take
+from scipy.spatial.transform import Rotation
+
+from jaxmodel.calibrate import Outcome, Setup, calibrate_poses, chain, motion_pairs, self_calibrate
+from jaxmodel.calibrate.images import Target, target_poses
+from jaxmodel.calibrate.unknown_scene import corner_motions, reconstruct, scene_motions
+from jaxmodel.errors import InputError, RunError
+from jaxmodel.geometry import se3
+from jaxmodel.io.camera import load_camera
+from jaxmodel.io.hand_eye import read_visp_poses
+from jaxmodel.scan.camera import Camera
+from jaxmodel.scan.textured_scene import Face, box_faces, photograph, speckle
+from jaxmodel.scan.virtual_scanner import look_at
+
+CAMERA = Camera(np.array([[465.0, 0, 242.0], [0, 463.0, 181.0], [0, 0, 1]]), np.array([-0.08, 0.02]), 480, 360)
+T_HAND_CAMERA = se3.compose(Rotation.from_rotvec([0.4, -1.2, 0.7]).as_matrix(), np.array([0.08, -0.05, 0.12]))
+
+
+def boxes(rng: np.random.Generator) -> list[Face]:
+    """Six boxes on a floor, metres, a picture on each face."""
+    floor = se3.compose(np.eye(3), np.array([-1.0, -1.0, 0.0]))
+    faces = [Face(floor, (2.0, 2.0), speckle(rng, (800, 800)))]
+    for k in range(6):
+        place = np.array([0.28 * np.cos(1.05 * k) - 0.08, 0.28 * np.sin(1.05 * k) - 0.08, 0.0])
+        turn = Rotation.from_euler("z", rng.uniform(0, 6)).as_matrix()
+        size = tuple(rng.uniform([0.1, 0.1, 0.06], [0.2, 0.2, 0.3]).tolist())
+        faces += box_faces(se3.compose(turn, place), size, [speckle(rng, (160, 160), (4, 8, 16, 32)) for _ in range(6)])
+    return faces
+
+
+def nine_views(rng: np.random.Generator, step_deg: float) -> np.ndarray:
+    """T_world_camera on a 3 x 3 grid of directions, ``step_deg`` apart, at unequal distances and rolls."""
+    poses = []
+    for i, j in np.ndindex(3, 3):
+        around, up = np.radians([40 + (j - 1) * step_deg, 50 + (i - 1) * step_deg])
+        direction = np.array([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)])
+        middle = np.array([0, 0, 0.08]) + 0.05 * rng.normal(size=3)
+        T = look_at(1.1 * direction + 0.05 * rng.normal(size=3), middle)
+        T[:3, :3] = T[:3, :3] @ Rotation.from_euler("z", np.radians(step_deg * rng.uniform(-1, 1))).as_matrix()
+        poses.append(T)
+    return np.stack(poses)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("step_deg", "limit_deg", "limit"), [(20.0, 0.3, 0.03), (6.0, 1.0, 0.10)])
+def test_hand_eye_without_a_target(tmp_path, step_deg, limit_deg, limit):
+    """Nine views: 0.3 degrees and 3 % at 20 degrees between views, 1 degree and 10 % at 6 degrees."""
+    rng = np.random.default_rng(0)
+    faces, T_world_camera = boxes(rng), nine_views(rng, step_deg)
+    images = []
+    for k, T in enumerate(T_world_camera):
+        picture = photograph(faces, CAMERA, T, samples=2) + 2.0 * rng.normal(size=(360, 480))
+        images.append(tmp_path / f"scene_{k}.png")
+        cv2.imwrite(str(images[-1]), np.clip(np.round(picture), 0, 255).astype(np.uint8))
+    scene = scene_motions(images, CAMERA, features=1000)
+    assert scene.registered.all() and scene.points > 300 and scene.reprojection_px < 1.0
+    hand = T_world_camera @ se3.inverse(T_HAND_CAMERA)
+    answer = calibrate_poses(hand, scene.T_scene_camera, Setup.MOVING_FRAMES, unknown_scale=True)
+    motions = motion_pairs(chain(hand, scene.T_scene_camera, Setup.MOVING_FRAMES))
+    alone = self_calibrate(motions.A, motions.B)
+    assert answer.outcome is Outcome.SOLVED and alone.outcome is Outcome.SOLVED
+    for X in (answer.X, se3.inverse(alone.X)):
+        angle, distance = pose_errors(X[None], T_HAND_CAMERA[None])
+        assert angle[0] < limit_deg
+        assert distance[0] < limit * np.linalg.norm(T_HAND_CAMERA[:3, 3])
+    # the reconstruction is the truth, up to a similarity: the distances between the cameras have one ratio
+    ratio = [
+        np.linalg.norm(T[1:, :3, 3] - T[:1, :3, 3], axis=1) for T in (T_world_camera, scene.T_scene_camera)
+    ]  # fmt: skip
+    np.testing.assert_allclose(ratio[0] / ratio[1], answer.scale, rtol=0.03)
+
+
+def cloud_views(noise_px: float, flat: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """T_world_camera and pixels ``(9, 120, 2)`` of random points."""
+    rng = np.random.default_rng(2)
+    points = rng.uniform(-0.25, 0.25, (120, 3)) * ([1, 1, 0] if flat else [1, 1, 1])
+    poses = nine_views(rng, 20.0)
+    pixels = np.stack([CAMERA.project(se3.apply(se3.inverse(T), points)) for T in poses])
+    return poses, pixels + noise_px * rng.normal(size=pixels.shape)
+
+
+@pytest.mark.parametrize("flat", [False, True], ids=["cloud", "plane"])
+def test_exact_points_give_exact_motions(flat):
+    """A plane too: nothing of it is known but that the points are the same."""
+    poses, pixels = cloud_views(0.0, flat)
+    scene = corner_motions(pixels, CAMERA)
+    assert scene.registered.all() and scene.points == 120 and scene.reprojection_px < 1e-3
+    hand = poses @ se3.inverse(T_HAND_CAMERA)
+    answer = calibrate_poses(hand, scene.T_scene_camera, Setup.MOVING_FRAMES, unknown_scale=True)
+    angle, distance = pose_errors(answer.X[None], T_HAND_CAMERA[None])
+    assert angle[0] < 1e-2 and distance[0] < 1e-3 * np.linalg.norm(T_HAND_CAMERA[:3, 3])
+
+
+def test_the_same_images_give_the_same_answer():
+    _, pixels = cloud_views(0.3)
+    first, again = (corner_motions(pixels, CAMERA) for _ in range(2))
+    np.testing.assert_allclose(first.T_scene_camera, again.T_scene_camera, atol=1e-9)
+
+
+def test_an_image_of_something_else_is_left_out():
+    _, pixels = cloud_views(0.2)
+    pixels[4] = np.nan
+    scene = corner_motions(pixels, CAMERA)
+    np.testing.assert_array_equal(scene.registered, np.arange(9) != 4)
+    assert np.isnan(scene.T_scene_camera[4]).all()
+
+
+@pytest.mark.slow
+def test_a_targets_images_without_its_model(tmp_path):
+    """RR-3507 §4.3: its corners are matched, its geometry and size are not used."""
+    target = Target("charuco", 9, 7, 0.04, 0.03, "DICT_5X5_100")
+    middle = target.points.mean(axis=0)
+    turn = se3.compose(np.diag([1.0, -1.0, -1.0]), middle)  # the target's -z side looks up
+    T_target_camera = turn @ nine_views(np.random.default_rng(3), 20.0)
+    T_target_camera[:, :3, 3] = middle + 0.55 * (T_target_camera[:, :3, 3] - middle)
+    found = target_poses(take(tmp_path, target, T_target_camera), target, PINHOLE)
+    scene = corner_motions(found.corners, PINHOLE)
+    assert scene.registered.all()
+    hand = T_target_camera @ se3.inverse(T_HAND_CAMERA)
+    answer = calibrate_poses(hand, scene.T_scene_camera, Setup.MOVING_FRAMES, unknown_scale=True)
+    angle, distance = pose_errors(answer.X[None], T_HAND_CAMERA[None])
+    assert angle[0] < 0.3 and distance[0] < 0.03 * np.linalg.norm(T_HAND_CAMERA[:3, 3])
+
+
+@pytest.mark.data
+def test_visp_franka_without_the_model_of_its_board(data_dir):
+    """Real corners, no board model: the rotation as from the board, the translation as far off as RR-3507's (97 %)."""
+    folder = data_dir / "handeye" / "visp_franka_eye_in_hand"
+    images = [folder / f"franka_image-{k}.png" for k in range(1, 9)]
+    camera = load_camera(folder / "franka_camera.xml")
+    corners = target_poses(images, Target("chessboard", 9, 6, 0.0236), camera).corners
+    scene = corner_motions(corners, camera)
+    assert scene.registered.all() and scene.reprojection_px < 0.5
+    hand = np.stack(list(read_visp_poses(folder).values()))
+    X = calibrate_poses(hand, scene.T_scene_camera, Setup.MOVING_FRAMES, "linear", unknown_scale=True).X
+    published = se3.compose(
+        Rotation.from_rotvec([0.00178, 0.00917, 1.58178]).as_matrix(), np.array([0.05772, -0.03392, -0.04228])
+    )
+    angle, distance = pose_errors(X[None], published[None])
+    assert angle[0] < 1.0 and distance[0] < 0.97 * np.linalg.norm(published[:3, 3])
+
+
+def test_bad_input_is_named(tmp_path):
+    image, other, broken = (tmp_path / name for name in ("grey.png", "other.png", "broken.png"))
+    cv2.imwrite(str(image), np.full((360, 480), 90, np.uint8))
+    cv2.imwrite(str(other), np.full((36, 48), 90, np.uint8))
+    broken.write_bytes(image.read_bytes()[:40])
+    for path, message in (
+        (tmp_path / "none.png", r"There is no file .*none\.png"),
+        (other, r"other\.png has 48 x 36 pixels, but the camera is for 480 x 360"),
+        (broken, r"broken\.png cannot be read as an image"),
+    ):
+        with pytest.raises(InputError, match=message):
+            scene_motions([image, path], CAMERA)
+    with pytest.raises(InputError, match="1 image gives no motion"):
+        scene_motions([image], CAMERA)
+    with pytest.raises(RunError, match="No two of the 3 images could be related"):
+        scene_motions([image] * 3, CAMERA)
+
+
+def test_absent_pycolmap_is_said(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pycolmap", None)
+    with pytest.raises(InputError, match=r"pip install 'jaxmodel\[sfm\]'"):
+        reconstruct([np.zeros((0, 2))] * 2, {}, CAMERA)
