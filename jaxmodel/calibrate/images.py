@@ -20,6 +20,7 @@ FEWEST_CORNERS = 6
 FEWEST_VIEWS = 3
 FLATNESS = 0.05  # corners nearer than this share of their spread to one line give no pose
 FOCAL_UNCERTAINTY = 0.05
+LEAST_TILT_DEG = 5.0
 DOUBT = 5.0**2  # the mirrored pose is in the running while it is less than five standard deviations worse
 
 
@@ -138,13 +139,20 @@ def _estimate_camera(
         criterion = count * np.log(max(squares / count, 1e-12)) + (4 + terms) * np.log(count)
         if np.isfinite(criterion) and criterion < lowest:
             best, lowest = solved, criterion
-    unsure = np.inf if best is None else float(np.max(best[5][:2, 0] / np.diag(best[1])[:2]))
-    if best is None or not unsure < FOCAL_UNCERTAINTY:
+    if best is None or not _determined(cv2, best):
         raise InputError(
-            f"The {len(corners)} images that show the target do not determine the camera (focal length to within "
-            f"{100 * unsure:.0f} %): show it tilted in several directions, or give a camera file."
+            f"The {len(corners)} images that show the target do not determine the camera: show it tilted in several "
+            "directions, or give a camera file."
         )
     return Camera(np.asarray(best[1]), np.asarray(best[2]).reshape(-1), *size)
+
+
+def _determined(cv2: Any, solved: Any) -> bool:
+    """Whether the focal lengths are known: by their deviations, and since parallel planes say nothing new (Zhang)."""
+    unsure = float(np.max(solved[5][:2, 0] / np.diag(solved[1])[:2]))
+    normals = np.stack([cv2.Rodrigues(turn)[0][:, 2] for turn in solved[3]])
+    cosine = float((normals @ normals.T).min())
+    return bool(unsure < FOCAL_UNCERTAINTY and cosine < np.cos(np.radians(LEAST_TILT_DEG)))
 
 
 def _grey(cv2: Any, path: Path) -> UInt8[np.ndarray, "h w"]:

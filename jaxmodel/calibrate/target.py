@@ -37,7 +37,7 @@ class Target:
     the outer corner of the first square or tag. Raises :class:`InputError` for anything that is not such a target.
     """
 
-    kind: TargetKind
+    kind: str
     columns: int
     rows: int
     square: float

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from jaxmodel.errors import InputError
 
-TERMS = (0, 1, 2, 4, 5, 8)
+TERMS = (0, 4, 5, 8)
 ITERATIONS = 100
 
 
@@ -19,7 +19,7 @@ class Camera:
     """Intrinsic parameters.
 
     ``K (3, 3)``: focal lengths and principal point in pixels. ``distortion``: k1, k2, p1, p2, k3, k4, k5, k6 in
-    OpenCV's order, as many of them as there are; OpenCV's thin-prism and tilt terms must be 0. ``width``, ``height``:
+    OpenCV's order, kept as none, 4, 5 or 8 of them, zeros behind left out; OpenCV's thin-prism and tilt terms must be 0. ``width``, ``height``:
     size of the images that the parameters hold for. Raises :class:`InputError` for anything else.
     """
 

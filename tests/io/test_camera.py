@@ -95,7 +95,7 @@ def test_visp_takes_the_model_with_distortion(tmp_path):
     path.write_text('<?xml version="1.0"?><!-- of ViSP -->' + visp(WITHOUT + WITH))
     found = load_camera(path)
     np.testing.assert_array_equal(found.K, [[600, 0, 320], [0, 501, 240], [0, 0, 1]])
-    np.testing.assert_array_equal(found.distortion, [-0.2])
+    np.testing.assert_array_equal(found.distortion, [-0.2, 0, 0, 0])
     # ViSP: u = u0 + px x (1 + kud r^2)
     x, y, s = 0.2, -0.1, 0.05
     pixel = found.project(np.array([[x, y, 1.0]]))[0]
