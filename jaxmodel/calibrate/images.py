@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
@@ -21,6 +21,7 @@ FEWEST_VIEWS = 3
 FLATNESS = 0.05  # corners nearer than this share of their spread to one line give no pose
 FOCAL_UNCERTAINTY = 0.05
 LEAST_TILT_DEG = 5.0
+STRAY, LEAST_STRAY_PX = 6.0, 0.02  # the median of a plane's Gaussian errors is 1.18 sigma: beyond seven sigma
 DOUBT = 5.0**2  # the mirrored pose is in the running while it is less than five standard deviations worse
 
 
@@ -29,8 +30,8 @@ class TargetPoses:
     """The target's pose in each image, in the unit of the target.
 
     ``T_camera_target (n, 4, 4)``, ``reprojection_px (n,)`` (root mean square distance of the corners) and ``corners
-    (n, m, 2)`` (pixels of ``target.points``) are NaN where the target, or a corner, was not found. ``ambiguous``: the
-    pose mirrored in the image plane fits as well, as far as the corners' noise can tell (a small or distant target).
+    (n, m, 2)`` (pixels of ``target.points``) are NaN where the target, or a corner, was not found or not believed.
+    ``ambiguous``: the pose mirrored in the image plane fits as well, as far as the corners' noise can tell (a small or distant target).
     ``camera``: the one given, or estimated from the same images.
     """
 
@@ -79,7 +80,8 @@ def target_poses(images: Sequence[Path], target: Target, camera: Camera | None =
     n = len(images)
     poses, error, doubt = np.full((n, 4, 4), np.nan), np.full(n, np.nan), np.zeros(n, bool)
     for k in np.flatnonzero(usable):
-        poses[k], error[k], doubt[k] = _pose(cv2, target.points, corners[k], camera)
+        poses[k], error[k], doubt[k], kept = _pose(cv2, target.points, corners[k], camera)
+        corners[k, ~kept] = np.nan
     return TargetPoses(poses, usable, error, camera, corners, doubt)
 
 
@@ -91,26 +93,46 @@ def _spread_out(points: Float[np.ndarray, "k 3"]) -> bool:
     return bool(values[1] > FLATNESS * values[0])
 
 
-def _pose(
-    cv2: Any, points: np.ndarray, corners: np.ndarray, camera: Camera
-) -> tuple[Float[np.ndarray, "4 4"], float, bool]:
-    """The better of the two poses of a flat target, its root mean square error in pixels, whether the other may be."""
-    seen = np.isfinite(corners[:, 0])
-    points, pixels = points[seen], np.ascontiguousarray(corners[seen])
+class _Pose(NamedTuple):
+    T: Float[np.ndarray, "4 4"]
+    error: float
+    ambiguous: bool
+    kept: Bool[np.ndarray, " m"]
+
+
+def _pose(cv2: Any, points: np.ndarray, corners: np.ndarray, camera: Camera) -> _Pose:
+    """The better of a flat target's two poses, without corners that lie far from where all the others put them.
+
+    A tag that something covers in part can be read with a corner in the wrong place. The worst corner is left out, one
+    at a time, while it is ``STRAY`` times further off than half of the others.
+    """
+    kept = np.isfinite(corners[:, 0])
+    while True:
+        pose, distance = _two_poses(cv2, points[kept], np.ascontiguousarray(corners[kept]), camera)
+        worst = int(np.argmax(distance))
+        if kept.sum() <= FEWEST_CORNERS or distance[worst] <= STRAY * max(float(np.median(distance)), LEAST_STRAY_PX):
+            return pose._replace(kept=kept)
+        kept[np.flatnonzero(kept)[worst]] = False
+
+
+def _two_poses(
+    cv2: Any, points: np.ndarray, pixels: np.ndarray, camera: Camera
+) -> tuple[_Pose, Float[np.ndarray, " k"]]:
+    """The better of the two poses, and each corner's distance from its reprojection in pixels."""
     candidates = []
     _, turns, shifts, _ = cv2.solvePnPGeneric(points, pixels, camera.K, camera.distortion, flags=cv2.SOLVEPNP_IPPE)
     for turn, shift in zip(turns, shifts, strict=True):
         turn, shift = cv2.solvePnPRefineLM(points, pixels, camera.K, camera.distortion, turn, shift)
         reprojected = cv2.projectPoints(points, turn, shift, camera.K, camera.distortion)[0].reshape(-1, 2)
-        squares = float(np.sum((reprojected - pixels) ** 2))
-        candidates.append((squares, se3.compose(cv2.Rodrigues(turn)[0], shift.reshape(3))))
+        distance = np.linalg.norm(reprojected - pixels, axis=1)
+        candidates.append((float(distance @ distance), se3.compose(cv2.Rodrigues(turn)[0], shift.reshape(3)), distance))
     candidates.sort(key=lambda one: one[0])
-    squares, T = candidates[0]
+    squares, T, distance = candidates[0]
     doubt = False
     if len(candidates) > 1 and se3.rotation_angle_deg(candidates[1][1][:3, :3] @ T[:3, :3].T) > 1e-2:
         variance = squares / max(2 * len(points) - 6, 1)
         doubt = candidates[1][0] - squares < DOUBT * variance
-    return T, float(np.sqrt(squares / len(points))), bool(doubt)
+    return _Pose(T, float(np.sqrt(squares / len(points))), bool(doubt), np.ones(len(points), bool)), distance
 
 
 def _estimate_camera(
