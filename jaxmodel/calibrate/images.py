@@ -31,7 +31,8 @@ class TargetPoses:
 
     ``T_camera_target (n, 4, 4)``, ``reprojection_px (n,)`` (root mean square distance of the corners) and ``corners
     (n, m, 2)`` (pixels of ``target.points``) are NaN where the target, or a corner, was not found or not believed.
-    ``ambiguous``: the pose mirrored in the image plane fits as well, as far as the corners' noise can tell (a small or distant target).
+    ``ambiguous``: the pose mirrored in the image plane fits as well, as far as the corners' noise can tell (a small or
+    distant target).
     ``camera``: the one given, or estimated from the same images.
     """
 

@@ -20,7 +20,8 @@ class Camera:
 
     ``K (3, 3)``: focal lengths and principal point in pixels. ``distortion``: k1, k2, p1, p2, k3, k4, k5, k6 in
     OpenCV's order, kept as none, 4, 5 or 8 of them, zeros behind left out; OpenCV's thin-prism and tilt terms must
-    be 0. ``width``, ``height``: size of the images that the parameters hold for. Raises :class:`InputError` for anything else.
+    be 0. ``width``, ``height``: size of the images that the parameters hold for. Raises :class:`InputError` for
+    anything else.
     """
 
     K: Float[np.ndarray, "3 3"]
