@@ -82,8 +82,8 @@ def corner_motions(corners: Float[np.ndarray, "n m 2"], camera: Camera) -> Scene
 
 
 def reconstruct(
-    pixels: Sequence[Float[np.ndarray, "m 2"]],
-    matches: Mapping[tuple[int, int], Int[np.ndarray, "k 2"]],
+    pixels: Sequence[Float[np.ndarray, "_ 2"]],
+    matches: Mapping[tuple[int, int], Int[np.ndarray, "_ 2"]],
     camera: Camera,
 ) -> SceneMotions:
     """Poses and points from matched pixels: two-view geometries, incremental mapping, bundle adjustment; K is kept.
