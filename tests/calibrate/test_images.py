@@ -77,7 +77,7 @@ def test_the_half_turn_of_a_chessboard_is_told_by_its_colours(tmp_path, flip):
     if flip:
         target = Target("chessboard", 6, 9, CHESSBOARD.square)
         T_target_camera = np.repeat(views(target, 1, seed=4), 5, axis=0)
-    rolls = Rotation.from_euler("z", np.linspace(0, 288, 5), degrees=True).as_matrix()
+    rolls = Rotation.from_rotvec(np.radians(np.linspace(0, 288, 5))[:, None] * [0, 0, 1]).as_matrix()
     T_target_camera[:, :3, :3] = T_target_camera[:, :3, :3] @ rolls
     found = target_poses(take(tmp_path, target, T_target_camera), target, PINHOLE)
     seen = found.found
