@@ -182,6 +182,20 @@ def test_expected_error_is_at_the_distance_asked_for(example):
     assert expected["rms_m"] > 0
 
 
+@pytest.mark.slow
+@ONCE
+def test_outliers_can_be_kept_and_are_named_all_the_same(example, tmp_path):
+    words = ["--method", "joint", "--keep-outliers", "--bootstrap", "20", "--out", str(tmp_path / "out")]
+    assert execute(["calibrate", str(EXAMPLE), *words]) == 0
+    kept, left_out = content(tmp_path / "out", "calibration.json"), content(example, "calibration.json")
+    assert kept["outliers"] == left_out["outliers"] and len(kept["outliers"]) == 1
+    beside = {one["method"]: one for one in content(example, "summary.json")["methods"]}
+    np.testing.assert_allclose(kept["T_hand_camera"], beside["joint, all poses"]["T_hand_camera"], atol=1e-9)
+    assert any("1 of 16 poses contradict" in note for note in content(tmp_path / "out", "summary.json")["notes"])
+    spread = np.array(kept["bootstrap_covariance"])
+    assert np.linalg.eigvalsh(spread)[0] > 0 and left_out["bootstrap_covariance"] is None
+
+
 @pytest.mark.parametrize("setup", Setup)
 def test_each_setup_names_its_frames(tmp_path, calibrate, setup):
     hand, camera = files.streams(setup)
@@ -305,12 +319,6 @@ def test_the_words_of_the_command_are_those_of_the_methods():
     for words, value in (("auto", "auto"), ("-0.25", -0.25), ("3", 3.0)):
         command, _ = parse(["calibrate", "p.csv", f"--time-offset={words}"])
         assert isinstance(command, Calibrate) and command.time_offset == value
-
-
-def median_residuals(folder: Path, methods: tuple[str, ...]) -> list[tuple[float, float]]:
-    summary = content(folder, "summary.json")
-    found = {one["method"]: one["pairs"] for one in summary["methods"]}
-    return [(found[m]["median_rotation_deg"], 1e3 * found[m]["median_translation_m"]) for m in methods]
 
 
 @pytest.mark.data
