@@ -14,11 +14,10 @@ from jaxmodel.calibrate.resampling import differences
 from jaxmodel.geometry import se3
 from jaxmodel.run.calibration_answers import Answer, Answers
 from jaxmodel.run.calibration_config import Config
+from jaxmodel.run.calibration_remarks import remarks
 from jaxmodel.run.paired_poses import PairedPoses
 
 CONFIDENCE = 0.95
-DOUBTFUL = 5.0
-"""Methods that lie further apart than so many standard deviations are remarked on."""
 
 
 def summarise(config: Config, poses: PairedPoses, found: Answers) -> dict[str, Any]:
@@ -56,7 +55,7 @@ def summarise(config: Config, poses: PairedPoses, found: Answers) -> dict[str, A
         "outliers": _outliers(poses, found),
         "influence": _influence(poses, found),
         "synchronisation": _synchronisation(poses),
-        "notes": [*poses.notes, *_warnings(poses, found)],
+        "notes": [*poses.notes, *remarks(found)],
     }
 
 
@@ -228,36 +227,3 @@ def _synchronisation(poses: PairedPoses) -> dict[str, Any] | None:
         "angle_error_deg": both.angle_error_deg,
         "sharpness": both.sharpness,
     }
-
-
-def _warnings(poses: PairedPoses, found: Answers) -> list[str]:
-    """What the residuals say against the files or the options."""
-    notes = []
-    A, B = (np.radians(se3.rotation_angle_deg(T[:, :3, :3])) for T in (found.motions.A, found.motions.B))
-    typical = float(np.median(np.maximum(A, B)))
-    if typical > 0 and float(np.median(np.abs(A - B))) > 0.2 * typical:
-        notes.append(
-            "the two streams do not turn by the same angles, which no calibration changes: look at the pairing of the "
-            "rows, the kind and order of the rotations and their unit"
-        )
-    elif len(A) > 2:
-        left = float(np.median(found.recommended.pair_rotation))
-        if left > 0.2 * typical:
-            notes.append(
-                f"the streams turn by the same angles but not about axes that fit ({np.degrees(left):.1f} degrees are "
-                "left): is the set-up right, and are the poses T_base_hand and T_camera_target, not their inverses?"
-            )
-    if found.outlier.any() and found.kept.all():
-        notes.append(f"{int(found.outlier.sum())} of {len(found.kept)} poses contradict the others, but all are used")
-    covariance = found.recommended.covariance
-    if covariance is not None and found.setup.x_name in found.recommended.transforms:
-        expected = float(np.sqrt(np.trace(covariance[3:, 3:])))
-        X = np.stack([answer.transforms[found.setup.x_name] for answer in found.answers])
-        apart = np.linalg.norm(X[:, :3, 3] - found.recommended.transforms[found.setup.x_name][:3, 3], axis=1)
-        if len(X) > 2 and float(np.median(apart)) > DOUBTFUL * expected:
-            notes.append(
-                f"the methods are {1e3 * np.median(apart):.1f} mm apart (median), far more than the standard deviation "
-                f"{1e3 * expected:.1f} mm: the poses have errors of a kind that no random noise explains, and these "
-                "deviations are then too small"
-            )
-    return notes
