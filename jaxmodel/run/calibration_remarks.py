@@ -36,7 +36,7 @@ def remarks(found: Answers) -> list[str]:
         if len(X) > 2 and float(np.median(apart)) > DOUBTFUL * expected:
             notes.append(
                 f"the methods are {1e3 * np.median(apart):.1f} mm apart (median) where the standard deviation is "
-                f"{1e3 * expected:.1f} mm: the poses have systematic errors, or so much noise that it biases the methods "
-                "on pairs; take the deviation with care"
+                f"{1e3 * expected:.1f} mm: the poses have systematic errors, or so much noise that it biases the "
+                "methods on pairs; take the deviation with care"
             )
     return notes
