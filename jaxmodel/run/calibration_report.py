@@ -148,9 +148,12 @@ def draw(folder: RunDir, summary: Mapping[str, Any]) -> list[str]:
     apart = summary["disagreement"]
     from jaxmodel.view.hand_eye_figures import disagreement_png
 
-    pictures["disagreement"] = disagreement_png(
-        apart["methods"], np.array(apart["angle_deg"], float), 1e3 * np.array(apart["distance_m"], float)
-    )
+    between = []
+    if len(apart["methods"]) > 1:
+        pictures["disagreement"] = disagreement_png(
+            apart["methods"], np.array(apart["angle_deg"], float), 1e3 * np.array(apart["distance_m"], float)
+        )
+        between = [Picture("How far the methods disagree", pictures["disagreement"])]
     free = summary["observability"].get("free_direction") or summary["observability"].get("free_axis")
     axes = np.stack([motions[f"axis_{letter}"].to_numpy() for letter in "xyz"], axis=1)
     # axes of the hand's motions in the hand's own frame, or in the base's where the camera is fixed
@@ -159,7 +162,7 @@ def draw(folder: RunDir, summary: Mapping[str, Any]) -> list[str]:
     pictures["axes"] = sphere_png(sphere)
     for name, picture in pictures.items():
         folder.write(f"figures/{name}.png", picture)
-    sections = [*charts, Picture("How far the methods disagree", pictures["disagreement"]), sphere]
+    sections = [*charts, *between, sphere]
     about = {**facts(manifest), "set-up": summary["setup_sentence"], "lengths": "metre"}
     page = render_report("Hand-eye calibration", about, tables(summary), sections)
     folder.write("report.html", page.encode())

@@ -61,7 +61,7 @@ def disagreement_png(
     """Every two methods' difference in rotation and in translation, as numbers on their shade."""
     k = len(methods)
     cell = 0.62
-    side = max(cell * k, 1.6)
+    side = max(cell * k, 2.4)
     figure = Figure(figsize=(2 * side + 3.6, side + 2.2))
     width, height = figure.get_size_inches()
     for number, (values, what) in enumerate(((angle_deg, "rotation (degree)"), (distance_mm, "translation (mm)"))):
