@@ -94,7 +94,7 @@ def board(camera: Float[np.ndarray, "n 4 4"], rows: int = 7, square: float = 0.0
 def _derivatives(
     camera: Float[np.ndarray, "n 4 4"], points: Float[np.ndarray, "m 3"], image: Image
 ) -> tuple[Float[np.ndarray, "n m 2 6"], Float[np.ndarray, "n m 2 3"]]:
-    """Of the pixels, in standard deviations, by each pose's (turn, shift), ``exp(d) R`` and ``t + e``, and by points."""
+    """Of the pixels, in standard deviations, by each pose's (turn, shift), ``exp(d) R``, ``t + e``, and by points."""
     turned = np.einsum("nij,mj->nmi", camera[:, :3, :3], points)
     x, y, z = np.moveaxis(turned + camera[:, None, :3, 3], -1, 0)
     zero = np.zeros_like(z)

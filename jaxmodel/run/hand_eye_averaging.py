@@ -1,4 +1,4 @@
-"""The experiment ``hand_eye_averaging`` (RR-3507 §3.3, 3.4, Table 3.2, Fig. 3.1): error measures and mean transforms."""
+"""The experiment ``hand_eye_averaging`` (RR-3507 §3.3, 3.4, Table 3.2, Fig. 3.1): error measures, mean transforms."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

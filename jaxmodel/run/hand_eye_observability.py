@@ -217,7 +217,8 @@ def tables(summary: Mapping[str, Any], command: str) -> list[Table]:
     swap = summary["exchanged"]
     row = (f"{swap['both_solved']} of {swap['draws']}", f"{swap['rotations_apart']:.1e}")
     return [
-        Table(f"Published | ours, ranks (§3.2.2) | {command}", ("motions", "rank", "published", "ours", "verdict"), ranks),
+        Table(f"Published | ours, ranks (§3.2.2) | {command}",
+              ("motions", "rank", "published", "ours", "verdict"), ranks),
         Table("Pure rotations of the camera: X as it is, and with the roles of A and B exchanged (remark of §3.2.2)",
               ("both solved", "largest difference of the rotation matrices"), [row]),
         Table(f"Published | ours, Table 3.1 | {command}",

@@ -59,8 +59,8 @@ class Bench:
         return (
             f"simulated five-axis Cartesian robot, target 0.5 m away, |t_X| of {self.offset:g} m a coordinate, focal "
             f"length {self.focal:g} px, points measured to {self.pixel_noise:g} px, robot's poses to "
-            f"{self.hand_deg:g}° and {1000 * self.hand_length:g} mm, reference: {self.reference_draws} draws of {self.reference_images} "
-            f"of {self.positions} images, linear method, roll-pitch-yaw by Huber's weights"
+            f"{self.hand_deg:g}° and {1000 * self.hand_length:g} mm, reference: {self.reference_draws} draws "
+            f"of {self.reference_images} of {self.positions} images, linear method, roll-pitch-yaw by Huber's weights"
         )
 
 
