@@ -24,7 +24,9 @@ def convergence_rows(runs: Path) -> list[tuple[str, str, str, str]]:
             if not row["ours"]:
                 continue
             published = ", ".join(f"{kind} {100 * rate:g} %" for kind, rate in row["published"].items())
-            ours = ", ".join(f"{kind} {100 * both['all_pairs']['rate']:.1f} %" for kind, both in row["ours"].items())
+            ours = ", ".join(
+                f"{kind} {100 * both['all_pairs']['rate']:.1f} %" for kind, both in row["ours"].items()
+            )
             pairs = max(both["all_pairs"]["pairs"] for both in row["ours"].values())
             what = f"success from 1000 starts, {row['what']} (§2.9.2; {scans}, {pairs} pairs)"
             rows.append((what, published, ours, "`python experiments/convergence.py`"))
