@@ -11,7 +11,7 @@ import argparse
 import multiprocessing
 import os
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from jaxtyping import Float
@@ -155,7 +155,7 @@ def main() -> None:
     print(f"{len(hand)} sets of {given.poses} poses, noise {ANGLE_NOISE:g} rad and {LENGTH_NOISE:g}, {cores} cores")
     work: dict[str, Any] = {}
     for method, peer in OURS.items():
-        ours = partial(solve_many_poses, method=method)
+        ours: Any = partial(solve_many_poses, method=cast(Any, method))
         print(f"{method}: compiled in {seconds(partial(ours, hand, camera)):.1f} s, 100 000 sets included")
         work[f"ours, {method}"] = (partial(ours, hand, camera), len(hand))
         work[f"OpenCV {peer}"] = (partial(opencv, peer, *part["peer"]), len(part["peer"][0]))

@@ -45,7 +45,7 @@ def with_report_noise(
 
 def errors(X: Float[np.ndarray, "*b 4 4"], true: Float[np.ndarray, "*b 4 4"]) -> tuple[np.ndarray, np.ndarray]:
     """Angle (degrees) and ``|t - t*| / |t*|`` of each X; NaN where X is not finite."""
-    finite = np.isfinite(X).all(axis=(-2, -1))
+    finite = np.asarray(np.isfinite(X).all(axis=(-2, -1)))
     clean = np.where(finite[..., None, None], X, np.eye(4))
     angle = se3.rotation_angle_deg(clean[..., :3, :3] @ np.swapaxes(true[..., :3, :3], -1, -2))
     shift = np.linalg.norm(clean[..., :3, 3] - true[..., :3, 3], axis=-1) / np.linalg.norm(true[..., :3, 3], axis=-1)
