@@ -165,7 +165,7 @@ def charts(summary: Mapping[str, Any], rows: polars.DataFrame) -> list[Chart]:
             names = ["mean", "median", "Huber, res.", "Huber, wts."]
             bounds = [[one[key] for one in of] for key in ("value", "low", "high")]
             series.append(Series(representation.replace("_", " "), names, bounds[0], bounds[1], bounds[2], "bars"))
-        panels.append(Panel(f"{case}, {100 * share:g} % outliers", "location", "rotation error (°)", series))
+        panels.append(Panel(f"{case}, {100 * share:g} % outliers", "", "rotation error (°)", series))
     return [Chart("means", "Mean transforms (§3.3)", panels)]
 
 

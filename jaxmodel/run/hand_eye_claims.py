@@ -86,11 +86,11 @@ def _estimate(value: float, low: float, high: float) -> dict[str, Any]:
 
 
 def shown(estimate: Mapping[str, Any]) -> str:
-    """``0.82 (0.80 to 0.84) confirmed``."""
+    """``0.8234 (0.8041 to 0.8422) confirmed``."""
     numbers = [estimate[key] for key in ("value", "low", "high")]
     if any(number is None for number in numbers):
         return "undecided"
-    value, low, high = (f"{number:.3g}" for number in numbers)
+    value, low, high = (f"{number:.4g}" for number in numbers)
     return f"{value} ({low} to {high}) {estimate['verdict']}"
 
 

@@ -102,4 +102,4 @@ def error_panels(curves: list[Any], key: str, label: str, methods: tuple[str, ..
 
 def _positive(curves: list[Any], method: str, name: str) -> list[float]:
     values = [of[name] for of in curves if of["method"] == method]
-    return [value if value is not None and value > 1e-12 else np.nan for value in values]
+    return [value if value is not None and value > 1e-9 else np.nan for value in values]

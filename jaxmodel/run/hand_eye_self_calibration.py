@@ -292,7 +292,7 @@ def charts(summary: Mapping[str, Any], rows: polars.DataFrame) -> list[Chart]:
                 values = [of[what] for of in summary["runs"] if of["run"] == run]
                 bounds = [[of[key] for of in values] for key in ("value", "low", "high")]
                 marks = Series("median, 90 %", names, bounds[0], bounds[1], bounds[2], style="marks")
-                panels.append(Panel(f"{run}", "method", label, [marks], log_y=True))
+                panels.append(Panel(f"{run}: {label}", "", "", [marks], log_y=True))
         drawn.append(Chart(f"figure-{figure}", f"Fig. {figure}: errors to the reference", panels))
     series = [
         Series(name, [of["scale"] for of in summary["bias"]], [of[key]["value"] for of in summary["bias"]])

@@ -171,7 +171,7 @@ def charts(summary: Mapping[str, Any], rows: polars.DataFrame) -> list[Chart]:
             f"figure-{figure}-{run.replace(' ', '-')}",
             f"Fig. {figure}: {run}",
             [
-                _bars([of["residuals"][what] for of in summary["runs"] if of["run"] == run], f"{run}, {what}", label)
+                _bars([of["residuals"][what] for of in summary["runs"] if of["run"] == run], f"{run}: {label}")
                 for what, label in RESIDUALS.items()
             ],
         )
@@ -181,7 +181,7 @@ def charts(summary: Mapping[str, Any], rows: polars.DataFrame) -> list[Chart]:
             "table-3.3",
             "Table 3.3: errors to the reference",
             [
-                _bars([of[what] for of in summary["runs"] if of["run"] == run], f"{run}, {what}", label)
+                _bars([of[what] for of in summary["runs"] if of["run"] == run], f"{run}: {label}")
                 for run in ("complete", "expo", "init")
                 for what, label in (("angle_deg", "rotation error (°)"), ("translation", "|t - t*| / |t*|"))
             ],
@@ -189,11 +189,11 @@ def charts(summary: Mapping[str, Any], rows: polars.DataFrame) -> list[Chart]:
     ]
 
 
-def _bars(values: list[Any], title: str, label: str) -> Panel:
+def _bars(values: list[Any], title: str) -> Panel:
     names = ["axis/angle", "dual quat.", "nonlinear", "linear", "nonl. from I", "nonl. group"]
     series = Series("median, 90 %", names, *([of[key] for of in values] for key in ("value", "low", "high")),
                     style="marks")  # fmt: skip
-    return Panel(title, "method", label, [series], log_y=True)
+    return Panel(title, "", "", [series], log_y=True)
 
 
 def draw(folder: RunDir, summary: Mapping[str, Any]) -> list[str]:
