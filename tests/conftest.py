@@ -1,6 +1,8 @@
 """What every test may rely on: two virtual CPU devices, a compilation cache kept between runs, and the real data."""
 
+import gc
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -36,6 +38,20 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
 )
 settings.load_profile("jaxmodel")
+
+
+MANY_MAPS = 20_000
+"""Memory maps of a process above which compiled programs are dropped: each takes several, Linux allows 65 530."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def room_for_compiled_programs() -> Iterator[None]:
+    """Between modules, forget the programs of those before when they have become too many for one process."""
+    yield
+    maps = Path("/proc/self/maps")
+    if maps.is_file() and len(maps.read_bytes().splitlines()) > MANY_MAPS:
+        jax.clear_caches()
+        gc.collect()
 
 
 def pytest_configure(config: pytest.Config) -> None:

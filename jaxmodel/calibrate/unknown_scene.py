@@ -71,7 +71,7 @@ def corner_motions(corners: Float[np.ndarray, "n m 2"], camera: Camera) -> Scene
 
     With the corners of a target this is self-calibration on the target's own images without its model (RR-3507 §4.3).
     """
-    seen = np.isfinite(corners).all(axis=2)
+    seen = np.asarray(np.isfinite(corners).all(axis=2))
     pixels = [one[there] for one, there in zip(corners, seen, strict=True)]
     place = np.cumsum(seen, axis=1) - 1
     matches = {}
@@ -107,7 +107,8 @@ def reconstruct(
             matrix = np.asarray(image.cam_from_world().matrix(), np.float64)
             poses[number - 1] = se3.inverse(se3.compose(matrix[:, :3], matrix[:, 3]))
     error = float(model.compute_mean_reprojection_error())
-    return SceneMotions(poses, np.isfinite(poses).all(axis=(1, 2)), error, int(model.num_points3D()), camera)
+    registered = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
+    return SceneMotions(poses, registered, error, int(model.num_points3D()), camera)
 
 
 def _map(pycolmap: Any, pixels: Sequence[np.ndarray], matches: Mapping, camera: Camera) -> list[Any]:

@@ -51,7 +51,8 @@ def _streams(path: Path, tree: Any) -> dict[StreamName | None, list[tuple[str, A
         for name in LISTS:
             if set(tree) == {name}:
                 return _streams(path, tree[name])
-        named = {STREAMS[str(key).lower()]: (key, value) for key, value in tree.items() if str(key).lower() in STREAMS}
+        named: dict[StreamName | None, tuple[Any, Any]] = {}
+        named |= {STREAMS[str(key).lower()]: (key, value) for key, value in tree.items() if str(key).lower() in STREAMS}
         if len(named) == 2:
             unknown = sorted(str(key) for key in tree if str(key).lower() not in STREAMS)
             if unknown:

@@ -30,15 +30,16 @@ def parse_target(words: str) -> Any:
     size = re.fullmatch(r"(\d+)x(\d+)", parts[0]) if parts else None
     lengths = [_length(part) for part in parts[1 : 2 if kind == "chessboard" else 3]]
     count = 2 if kind == "chessboard" else 4
-    if size is None or len(parts) != count or None in lengths:
+    given = [length for length in lengths if length is not None]
+    if size is None or len(parts) != count or len(given) < len(lengths):
         raise InputError(f"target {words!r}: expected {FORMS[kind]}")
-    largest = max(length for length in lengths if length is not None)
+    largest = max(given)
     if largest > LARGEST_SQUARE:
         raise InputError(f"target {words!r}: a length of {largest:g} m; are these millimetres? Give metres")
     from jaxmodel.calibrate.images import Target
 
-    more = [] if kind == "chessboard" else [lengths[1], parts[3]]
-    return Target(kind, int(size[1]), int(size[2]), lengths[0], *more)
+    more = [] if kind == "chessboard" else [given[1], parts[3]]
+    return Target(kind, int(size[1]), int(size[2]), given[0], *more)
 
 
 def _length(text: str) -> float | None:

@@ -96,7 +96,9 @@ def test_a_small_far_tag_is_ambiguous_and_a_near_one_is_not(tmp_path):
 def test_grey_and_colour_are_the_same(tmp_path):
     grey = take(tmp_path, CHARUCO, views(CHARUCO, 1))[0]
     colour = tmp_path / "colour.bmp"
-    cv2.imwrite(str(colour), cv2.cvtColor(cv2.imread(str(grey), cv2.IMREAD_GRAYSCALE), cv2.COLOR_GRAY2BGR))
+    picture = cv2.imread(str(grey), cv2.IMREAD_GRAYSCALE)
+    assert picture is not None
+    cv2.imwrite(str(colour), cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR))
     found = target_poses([grey, colour], CHARUCO, PINHOLE)
     np.testing.assert_allclose(found.T_camera_target[0], found.T_camera_target[1], atol=1e-6)
 

@@ -157,7 +157,7 @@ def every_case(noise: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[s
     padded_A, padded_B = np.full(shape, np.nan), np.full(shape, np.nan)
     for k, name in enumerate(sets):
         padded_A[k, : len(A[name])], padded_B[k, : len(A[name])] = A[name], sets[name]
-    return padded_A, padded_B, np.isfinite(padded_A).all(axis=(2, 3)), list(sets)
+    return padded_A, padded_B, np.asarray(np.isfinite(padded_A).all(axis=(2, 3))), list(sets)
 
 
 @pytest.mark.parametrize("method", sorted(METHODS))

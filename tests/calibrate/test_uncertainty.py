@@ -38,7 +38,7 @@ def solved(count: int, method: str) -> tuple[np.ndarray, np.ndarray, np.ndarray,
     rest = np.broadcast_to(np.eye(4), (BATCH, LONGEST - count, 4, 4))
     mask = np.broadcast_to(np.arange(LONGEST) < count, (BATCH, LONGEST))
     padded = [np.concatenate([motions, rest], axis=1) for motions in (A, B)]
-    found = solve_many(*padded, mask, method, verdict=False).X
+    found = solve_many(padded[0], padded[1], mask, method, verdict=False).X
     return A, B, found, differences(found, X)
 
 
