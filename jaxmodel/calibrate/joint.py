@@ -20,7 +20,7 @@ from jaxmodel.geometry.elimination import NormalEquations, inverse_positive
 from jaxmodel.geometry.polar import nearest_rotation
 
 Noise = Literal["camera", "hand"]
-ROUNDS = 10  # Gauss-Newton steps that also estimate the variances of rotation and translation
+ROUNDS = 20  # Gauss-Newton steps that also estimate the variances of rotation and translation
 MAX_STEPS = 60
 ROUNDING = 1e-18
 

@@ -37,7 +37,7 @@ def solve_many_poses(
     camera: Float[np.ndarray, "*other"],
     mask: Bool[np.ndarray, "*third"] | None = None,
     setup: Setup = Setup.EYE_IN_HAND,
-    method: Method = "linear",
+    method: str = "linear",
 ) -> Float[np.ndarray, "c 4 4"]:
     """The camera's place X (T_hand_camera, or T_base_camera for a fixed camera) of each set, from all its pairs.
 

@@ -23,6 +23,7 @@ from jaxmodel.geometry.rigid_fit import rotation_from_quaternion
 
 Stream = Literal["A", "B"]
 MAX_STEPS = 60
+TINY = 1e-100  # a scale below it was not determined: its inverse would be no number
 TOLERANCE = 1e-7  # of a step (rad, relative length) and of the cost; the last digits come afterwards
 
 
@@ -109,7 +110,8 @@ def variance_components(pairs: Pairs, estimate: Estimate) -> Weighting:
 
 def inverted(estimate: Estimate) -> Estimate:
     """The estimate of the exchanged problem ``B Y = Y A``: Y is ``X^-1`` in the unit of A, its scale is on B."""
-    R, scale = estimate.R.T, 1.0 / estimate.scale
+    R = estimate.R.T
+    scale = 1.0 / jnp.where(jnp.abs(estimate.scale) > TINY, estimate.scale, 1.0)
     return Estimate(R, -scale * (R @ estimate.t), scale, estimate.steps, estimate.converged)
 
 

@@ -157,14 +157,31 @@ def test_visp_franka_from_its_images(visp, method):
 
 @pytest.mark.data
 def test_the_corners_are_those_of_an_independent_detection(visp, data_dir):
-    """Oracle: corners of the same images found with another version of OpenCV, up to a half turn of the board."""
+    """Oracle: corners of the same images found with another version of OpenCV, up to a half turn of the board.
+
+    Three of its 432 are strays, more than a pixel off the board that fits the others of their image; ours fit there.
+    """
     table = np.genfromtxt(
         data_dir / "handeye" / "visp_franka_eye_in_hand" / "corners_opencv.csv", delimiter=",", dtype=str
     )
+    strays = 0
     for k, corners in enumerate(visp[1].corners):
         other = table[table[:, 0] == f"franka_image-{k + 1}.png"][:, 2:].astype(float)
-        distance = min(np.abs(corners - one).max() for one in (other, other[::-1]))
-        assert distance < 1.0
+        apart, other = min(((np.abs(corners - one).max(axis=1), one) for one in (other, other[::-1])),
+                           key=lambda pair: pair[0].max())  # fmt: skip
+        theirs, ours = (off_the_board(one, visp[1].camera) for one in (other, corners))
+        stray = theirs > 1.2
+        strays += np.count_nonzero(stray)
+        assert (apart[~stray] < 1.0).all() and (ours[stray] < theirs[stray]).all()
+    assert strays <= 5
+
+
+def off_the_board(corners: np.ndarray, camera) -> np.ndarray:
+    """How far, in pixels, each corner lies from the 9 x 6 board that fits all of them best."""
+    board = np.append(np.stack(np.meshgrid(np.arange(9.0), np.arange(6.0)), -1).reshape(-1, 2), np.zeros((54, 1)), 1)
+    _, turn, place = cv2.solvePnP(board, corners, camera.K, camera.distortion)
+    seen = cv2.projectPoints(board, turn, place, camera.K, camera.distortion)[0][:, 0]
+    return np.linalg.norm(seen - corners, axis=1)
 
 
 @pytest.mark.data
