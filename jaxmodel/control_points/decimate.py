@@ -17,7 +17,6 @@ from jaxmodel.scan.range_image import RangeImage, grid_triangles
 
 _TOLERANCE = 0.01  # share of the count within which the search stops
 _ATTEMPTS = 8
-_COARSE = 8  # times the triangles first asked for: the whole mesh is reduced to so many once, the search goes on there
 
 
 class Mesh(NamedTuple):
@@ -63,10 +62,8 @@ def mesh_control_points(
 
     points, nearest = points_of(mesh)
     if len(points) > count:
-        wanted = count if at == "centres" else 2 * count  # triangles; Euler's formula on a disc
         decimation = _Decimation(mesh)
-        if len(mesh.triangles) > 2 * _COARSE * wanted:
-            decimation.coarsen(_COARSE * wanted)
+        wanted = count if at == "centres" else 2 * count  # triangles; Euler's formula on a disc
         best = points, nearest
         for _ in range(_ATTEMPTS):
             points, nearest = points_of(decimation(wanted))
@@ -97,10 +94,6 @@ class _Decimation:
             open3d.utility.Vector3dVector((mesh.vertices - self.centre) / self.edge),
             open3d.utility.Vector3iVector(mesh.triangles.astype(np.int32)),
         )
-
-    def coarsen(self, triangles: int) -> None:
-        """Go on from a mesh of so many triangles."""
-        self.source = self.source.simplify_quadric_decimation(triangles)
 
     def __call__(self, triangles: int) -> Mesh:
         reduced = self.source.simplify_quadric_decimation(triangles)
