@@ -12,6 +12,7 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 BEGIN, END = "<!-- results: written by experiments/readme_results.py -->", "<!-- end of results -->"
+SHOWN = ("converged", "true rotation error", "iterations", "time with extraction")
 PICTURE = "bunny/figures/bun000-bun045-error-and-truth.png"
 
 
@@ -47,6 +48,8 @@ def chapter_rows(chapter: Path) -> list[tuple[str, str, str, str]]:
     claims = {}
     for line in json.loads((chapter / "conclusion.json").read_text())["lines"]:
         where, figure, claimed, contours, vertices, difference, ours = line
+        if figure not in SHOWN:
+            continue
         if claimed != "nothing":
             claims[where] = f"{claimed} better"
         rows.setdefault(where, []).append(f"{figure} {contours} and {vertices}, {difference}: {ours.split(':')[0]}")
