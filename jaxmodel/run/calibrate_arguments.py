@@ -32,8 +32,8 @@ class Calibrate:
     setup: Literal["eye-in-hand", "eye-to-hand", "moving-frames"] = "eye-in-hand"
     """Camera on the hand; camera fixed, target on the hand; or camera on the hand that gives its own pose."""
     method: Literal[
-        "all", "joint", "linear", "linear_one_step", "tsai_lenz", "dual_quaternion", "park", "nonlinear", "nonlinear_b",
-        "quaternion_penalty",
+        "all", "joint", "linear", "linear_one_step", "tsai_lenz", "dual_quaternion", "park", "quaternion", "nonlinear",
+        "nonlinear_b", "quaternion_penalty",
     ] = "all"  # fmt: skip
     """Every method, or a single one."""
     unknown_scale: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False

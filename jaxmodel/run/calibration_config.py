@@ -9,8 +9,8 @@ from jaxmodel.io.pose_values import Forms
 SetupName = Literal["eye-in-hand", "eye-to-hand", "moving-frames"]
 ScalesName = Literal["known", "one", "per-group", "per-motion"]
 MethodName = Literal[
-    "all", "joint", "linear", "linear_one_step", "tsai_lenz", "dual_quaternion", "park", "nonlinear", "nonlinear_b",
-    "quaternion_penalty",
+    "all", "joint", "linear", "linear_one_step", "tsai_lenz", "dual_quaternion", "park", "quaternion", "nonlinear",
+    "nonlinear_b", "quaternion_penalty",
 ]  # fmt: skip
 
 
