@@ -180,6 +180,19 @@ class Icp(Kernel):
     def _sums(self, terms: list[jax.Array]) -> tuple[Float[jax.Array, ""], ...]:
         return sum_over_points(terms, repeatable=self.method.stores_pairs)
 
+    def _sums_of_products(self, p: jax.Array, q: list[jax.Array], pairs: Pairs, pose: Pose) -> tuple[jax.Array, ...]:
+        """Sums of w p q^T, w q, w p, w and w d over the pairs, with the same bits in whatever order they are added."""
+        w = pairs.kept.astype(jnp.float32)
+        weighted = [w * p[0], w * p[1], w * p[2], w]
+        terms = [*(a * b for a in weighted for b in q), *weighted, w * pairs.distance]
+        if self.method.stores_pairs:
+            return sum_over_points(terms, repeatable=True)
+        # looking for the largest terms would look up every closest point again, so the clouds' extents bound them
+        one, (source, target) = jnp.float32(1), self.problem.reach
+        furthest = 1.8 * (source + target) + jnp.sum(jnp.abs(pose.translation))  # 1.8 > sqrt(3)
+        bounds = [*(a * b for a in (source,) * 3 + (one,) for b in (target,) * 3), *(source,) * 3, one, furthest]
+        return sum_over_points(terms, repeatable=True, bounds=bounds)
+
     def _step_with(self, number: int, state: IcpState) -> IcpState:
         strategies = self.method.strategies
         strategy, is_last = strategies[number], number == len(strategies) - 1
@@ -242,9 +255,7 @@ class Icp(Kernel):
             fit = fit_point_to_plane(pose.rotation, pose.translation, moved, q, normal, w, self._sums)
             weight, total = self._sums([w, w * pairs.distance])
         else:
-            p = problem.source
-            weighted = [w * p[0], w * p[1], w * p[2], w]
-            sums = self._sums([*(a * b for a in weighted for b in q), *weighted, w * pairs.distance])
+            sums = self._sums_of_products(problem.source, q, pairs, pose)
             weight, total = sums[15], sums[16]
             one = 1.0 / jnp.maximum(weight, 1.0)
             source_mean, target_mean = jnp.stack(sums[12:15]) * one, jnp.stack(sums[9:12]) * one

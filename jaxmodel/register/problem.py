@@ -18,7 +18,8 @@ from jaxmodel.scan.range_image import RangeImage
 class Problem(eqx.Module):
     """What every start of a sweep shares. Clouds are float32 about ``*_centre``, structure of arrays, padded.
 
-    ``size`` is the diagonal of the target's box, ``resolution`` its median spacing, ``box`` its low and high corner.
+    ``size`` is the diagonal of the target's box, ``resolution`` its median spacing, ``box`` its low and high corner,
+    ``reach`` the largest absolute coordinate of source and target.
     """
 
     source: Float[AnyArray, "3 n"]
@@ -31,6 +32,7 @@ class Problem(eqx.Module):
     box: Float[AnyArray, "2 3"]
     resolution: Float[AnyArray, ""]
     size: Float[AnyArray, ""]
+    reach: Float[AnyArray, "2"]
     fast_table: VoxelTable | None
     exact_table: VoxelTable | None
 
@@ -86,8 +88,9 @@ def prepare(target: Views, source: Views, method: IcpMethod) -> tuple[Problem, F
     exact = build_table(centred, method.exact_cells, method.candidates, margin) if method.needs_exact_table else None
     shared = exact is not None and method.cells == method.exact_cells  # one table then serves both
     fast = exact if shared else build_table(centred, method.cells, 1, margin) if method.needs_fast_table else None
+    source_columns = columns(_in_spatial_order(source_points - frames.source_centre), source_length)
     problem = Problem(
-        source=columns(_in_spatial_order(source_points - frames.source_centre), source_length),
+        source=source_columns,
         mask=np.arange(source_length) < len(source_points),
         count=np.asarray(len(source_points), np.float32),
         target=columns(centred, target_length),
@@ -97,6 +100,7 @@ def prepare(target: Views, source: Views, method: IcpMethod) -> tuple[Problem, F
         box=box.astype(np.float32),
         resolution=np.asarray(resolution(centred), np.float32),
         size=np.asarray(size, np.float32),
+        reach=np.stack([np.abs(source_columns).max(), np.abs(box.astype(np.float32)).max()]),
         fast_table=fast,
         exact_table=exact,
     )

@@ -4,7 +4,8 @@ from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Bool, Float
+import numpy as np
+from jaxtyping import Bool, Float, Int
 
 BINS = 32
 
@@ -55,19 +56,31 @@ def histogram_valley(distance: Float[jax.Array, " n"], kept: Bool[jax.Array, " n
     return jnp.where(jnp.any(valley), (first + 1) * width, jnp.nextafter(largest, jnp.inf))
 
 
-def sum_over_points(terms: list[Float[jax.Array, " n"]], repeatable: bool = False) -> tuple[Float[jax.Array, ""], ...]:
+def sum_over_points(
+    terms: list[Float[jax.Array, " n"]],
+    repeatable: bool = False,
+    bounds: list[Float[jax.Array, ""]] | None = None,
+) -> tuple[Float[jax.Array, ""], ...]:
     """All sums in one pass over the points: what makes the terms is computed once per point, not once per sum.
 
     A ``repeatable`` sum has the same bits in whatever order the compiler adds: terms are rounded to integer multiples
     of a power of two, the smallest with which no sum of n of them overflows 32 bits (a relative 2e-6 of the largest
-    term with 2048 points). That takes a first pass for the largest term, so the terms should be cheap: no gathers.
+    term with 2048 points). Without ``bounds``, one per term that no absolute value exceeds, that takes a first pass for
+    the largest term, so the terms should then be cheap: no gathers.
     """
     if not repeatable:
         return _reduce(terms, jnp.add)
-    bits = 30 - (terms[0].shape[0] - 1).bit_length()
-    units = [_unit(largest, bits) for largest in _reduce([jnp.abs(term) for term in terms], jnp.maximum)]
-    counts = [jnp.round(term * (1.0 / unit)).astype(jnp.int32) for term, unit in zip(terms, units, strict=True)]
+    bits = min(22, 30 - (terms[0].shape[0] - 1).bit_length())
+    largest = _reduce([jnp.abs(term) for term in terms], jnp.maximum) if bounds is None else bounds
+    units = [_unit(value, bits) for value in largest]
+    counts = [_to_integer(term * (1.0 / unit)) for term, unit in zip(terms, units, strict=True)]
     return tuple(total.astype(unit.dtype) * unit for total, unit in zip(_reduce(counts, jnp.add), units, strict=True))
+
+
+def _to_integer(values: Float[jax.Array, " n"]) -> Int[jax.Array, " n"]:
+    """The nearest integers of values below 2^22 in size: the low bits of the sum with 1.5 * 2^23, whose unit is one."""
+    offset = np.float32(1.5 * 2**23)
+    return jax.lax.bitcast_convert_type(values + offset, jnp.int32) - offset.view(np.int32)
 
 
 def _unit(largest: Float[jax.Array, ""], bits: int) -> Float[jax.Array, ""]:

@@ -132,6 +132,19 @@ def test_repeatable_sums_have_the_same_bits_in_any_order(size: float, n: int) ->
         np.testing.assert_array_equal(np.asarray(shuffled), expected)
 
 
+@pytest.mark.parametrize("n", [1, 7, 2048])
+@pytest.mark.parametrize("slack", [1.0, 3.0, 1e3])
+def test_bounds_known_beforehand_give_repeatable_sums_too(n: int, slack: float) -> None:
+    rng = np.random.default_rng(n)
+    term = rng.uniform(-1, 1, n).astype(np.float32)
+    bound = jnp.float32(slack * np.abs(term).max())
+    summed = jax.jit(lambda t: sum_over_points([t], repeatable=True, bounds=[bound])[0])
+    expected = float(summed(jnp.asarray(term)))
+    assert abs(expected - term.sum(dtype=np.float64)) < 4e-6 * np.sqrt(n) * float(bound)
+    for seed in range(20):
+        assert float(summed(jnp.asarray(np.random.default_rng(seed).permutation(term)))) == expected
+
+
 def test_repeatable_sums_do_not_overflow() -> None:
     ones = jnp.full(2048, 1.9999999, jnp.float32)
     (total,) = sum_over_points([ones], repeatable=True)
