@@ -57,12 +57,24 @@ def _draw(axes: Any, panel: Panel) -> None:
         axes.set_xticks(range(len(names)), shown, rotation=0 if upright else 25, fontsize=7)
     if panel.log_x and not names:
         axes.set_xscale("log")
+        low, high = axes.get_xlim()
+        if high < 100 * low:  # the labels of the usual locator would run into each other
+            _plain_numbers(axes.xaxis)
     if panel.log_y:
         axes.set_yscale("log")
     elif _lowest(panel) >= 0:
         axes.set_ylim(bottom=0)
     if len(panel.series) > 1:
         axes.legend(fontsize=7)
+
+
+def _plain_numbers(axis: Any) -> None:
+    """Labels 1, 2, 5, 10, ... along a logarithmic axis."""
+    from matplotlib import ticker
+
+    axis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(ticker.FormatStrFormatter("%g"))
+    axis.set_minor_formatter(ticker.NullFormatter())
 
 
 def panel_plot(panel: Panel) -> dict[str, Any]:
