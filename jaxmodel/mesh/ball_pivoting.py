@@ -12,7 +12,7 @@ from jaxmodel.mesh.closing import close, near_points
 from jaxmodel.mesh.manifold import without_small_parts
 from jaxmodel.mesh.orientation import orient
 from jaxmodel.mesh.passes import Pass, Radii, run_passes
-from jaxmodel.mesh.radii import cloud_scale, thinning_distance
+from jaxmodel.mesh.radii import cloud_scale, thinning_distance, widest_gap
 from jaxmodel.mesh.thinning import thin
 from jaxmodel.scan.cloud import check_points
 from jaxmodel.scan.triangle_mesh import ObjectMesh
@@ -93,7 +93,7 @@ def ball_pivoting(
     if len(oriented.bad):
         tree = cKDTree(points[good])
     kept, kept_normals = points[good], oriented.normals[good]
-    distance = thinning_distance(kept, tree) if thinning == "auto" else float(thinning or 0.0)
+    distance = thinning_distance(kept, kept_normals, tree) if thinning == "auto" else float(thinning or 0.0)
     if distance > 0:
         sheet = thin(kept, kept_normals, distance, None if toward is None else toward[good])
         vertices, vertex_normals, source = sheet.points, sheet.normals, good[sheet.source]
@@ -102,22 +102,22 @@ def ball_pivoting(
         first = np.sort(first)
         vertices, vertex_normals, source = kept[first], kept_normals[first], good[first]
     spacing = cloud_scale(vertices).spacing
+    reach = max(spacing, widest_gap(cloud_scale(kept, tree).spacing, len(kept)))
     faces, passes = run_passes(vertices, vertex_normals, radii, spacing)
     pivoted = len(faces)
-    accept = near_points(tree, spacing, vertices)
+    accept = near_points(tree, reach, vertices)
     faces = close(vertices, vertex_normals, faces, accept=accept if closing else lambda patch: False)
     faces = without_small_parts(vertices, faces, smallest_part)
-    used, faces = np.unique(faces, return_inverse=True)
-    idle = np.ones(len(vertices), bool)
-    idle[used] = False
+    used = np.zeros(len(vertices), bool)
+    used[faces] = True
     return Pivoting(
-        mesh=ObjectMesh(vertices[used], faces.reshape(-1, 3)),
+        mesh=ObjectMesh(vertices[used], (np.cumsum(used) - 1)[faces]),
         normals=vertex_normals[used],
         source=source[used],
         passes=passes,
         closing=len(faces) - pivoted,
         thinned=distance,
-        unused=source[idle],
+        unused=source[~used],
         bad_normals=oriented.bad,
         turned=oriented.turned,
         estimated=oriented.estimated,

@@ -5,10 +5,10 @@ from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
 from jaxmodel.mesh.adjacency import adjacency
-from jaxmodel.mesh.holes import MOST_EDGES, Accept, close_holes
+from jaxmodel.mesh.holes import MOST_EDGES, Accept, close_holes, patch_over, ring_outline
 from jaxmodel.mesh.manifold import clean
 
-ROUNDS = 4
+RINGS = 3
 
 
 def near_points(tree: cKDTree, reach: float, vertices: Float[np.ndarray, "n 3"]) -> Accept:
@@ -32,23 +32,37 @@ def close(
 ) -> Int[np.ndarray, "k 3"]:
     """``faces`` as a manifold (see :func:`jaxmodel.mesh.manifold.clean`) with its holes closed where ``accept`` lets.
 
-    Where no patch fits, the triangles around the hole are in the way: they are taken out and the larger hole is
-    tried, up to four times. The round with the shortest border is returned.
+    Where no patch fits, the triangles around the hole are in the way: up to three rings of them give way to one
+    patch over the larger hole.
     """
-    best, shortest = faces, np.inf
     faces = clean(vertices, normals, faces)
-    for _ in range(ROUNDS):
-        patches, stuck = close_holes(vertices, normals, faces, most_edges, accept)
-        faces = clean(vertices, normals, np.concatenate([faces, patches]))
-        length = border_length(vertices, faces)
-        if length < shortest:
-            best, shortest = faces, length
-        if not stuck:
-            break
-        ring = np.zeros(len(vertices), bool)
-        ring[np.concatenate(stuck)] = True
-        faces = clean(vertices, normals, faces[~ring[faces].any(axis=1)])
-    return best
+    patches, stuck = close_holes(vertices, normals, faces, most_edges, accept)
+    faces = np.concatenate([faces, patches])
+    for loop in stuck:
+        faces = _wider_patch(vertices, normals, faces, loop, accept)
+    return clean(vertices, normals, faces)
+
+
+def _wider_patch(
+    vertices: Float[np.ndarray, "n 3"],
+    normals: Float[np.ndarray, "n 3"],
+    faces: Int[np.ndarray, "m 3"],
+    loop: Int[np.ndarray, " b"],
+    accept: Accept,
+) -> Int[np.ndarray, "k 3"]:
+    """``faces`` with the hole ``loop`` and the rings around it replaced by one patch, or as they are if none fits."""
+    inside = np.zeros(len(vertices), bool)
+    inside[loop] = True
+    for _ in range(RINGS):
+        ring = inside[faces].any(axis=1)
+        outline = ring_outline(faces[ring], loop)
+        rest = faces[~ring]
+        if outline is not None:
+            patch = patch_over(vertices, normals, rest, outline)
+            if patch is not None and accept(patch):
+                return np.concatenate([rest, patch])
+        inside[faces[ring]] = True
+    return faces
 
 
 def border_length(vertices: Float[np.ndarray, "n 3"], faces: Int[np.ndarray, "m 3"]) -> float:

@@ -7,6 +7,7 @@ from scipy.spatial import cKDTree
 from jaxmodel.mesh.adjacency import adjacency
 
 ZONE = 4.0
+HAIR = 1e-4
 
 
 def grow(
@@ -38,13 +39,16 @@ def grow(
 def pivot(points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"], radius: float) -> Int[np.ndarray, "m 3"]:
     """Triangles a ball of ``radius`` finds by rolling over oriented points (Open3D; Bernardini et al., 1999).
 
-    Computed about the cloud's centre in units of the radius, so neither origin nor unit matters.
+    Computed about the cloud's centre in units of the radius, so neither origin nor unit matters. The ball meets each
+    point a hair (1e-4 radii) beside its place: four points on one circle, as in every regular grid, would otherwise be
+    meshed both ways at once.
     """
     if len(points) < 3:
         return np.zeros((0, 3), np.int64)
     import open3d as o3d
 
-    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector((points - points.mean(axis=0)) / radius))
+    hair = HAIR * np.random.default_rng(0).uniform(-1.0, 1.0, points.shape)
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector((points - points.mean(axis=0)) / radius + hair))
     cloud.normals = o3d.utility.Vector3dVector(normals)
     found = o3d.geometry.TriangleMesh.create_from_point_cloud_ball_pivoting(cloud, o3d.utility.DoubleVector([1.0]))
     return np.asarray(found.triangles).astype(np.int64).reshape(-1, 3)
@@ -65,9 +69,13 @@ def weld(faces: Int[np.ndarray, "m 3"], found: Int[np.ndarray, "k 3"], count: in
         return found
     loose = open_vertices(faces, count)
     found = found[loose[found].all(axis=1)]
-    taken = np.unique(_directed(faces, count))
-    free = ~np.isin(_directed(found, count), taken).reshape(-1, 3).any(axis=1)
-    return np.concatenate([faces, found[free]])
+    near = np.zeros(count, bool)
+    near[found] = True
+    taken = np.sort(_directed(faces[near[faces].any(axis=1)], count))
+    wanted = _directed(found, count)
+    place = np.minimum(np.searchsorted(taken, wanted), max(len(taken) - 1, 0))
+    free = (taken[place] != wanted) if len(taken) else np.ones(len(wanted), bool)
+    return np.concatenate([faces, found[free.reshape(-1, 3).all(axis=1)]])
 
 
 def _directed(faces: Int[np.ndarray, "m 3"], count: int) -> Int[np.ndarray, " c"]:

@@ -66,6 +66,41 @@ def close_holes(
     return Closing(np.concatenate(patches), stuck)
 
 
+def ring_outline(ring: Int[np.ndarray, "r 3"], hole: Int[np.ndarray, " h"]) -> Int[np.ndarray, " b"] | None:
+    """The outer border of the triangles around a hole, in the order a patch in their place runs along it.
+
+    None if that border is not one simple loop apart from the hole's own.
+    """
+    start, end = ring.reshape(-1), ring[:, [1, 2, 0]].reshape(-1)
+    free = adjacency(ring).faces[adjacency(ring).edge_of.reshape(-1)] == 1
+    after = dict(zip(start[free].tolist(), end[free].tolist(), strict=True))
+    if len(after) < free.sum():
+        return None
+    for vertex in hole.tolist():
+        if after.pop(vertex, None) is None:
+            return None
+    loop = []
+    vertex = next(iter(after), None)
+    while vertex in after:
+        loop.append(vertex)
+        vertex = after.pop(vertex)
+    return np.array(loop) if len(loop) > 2 and not after else None
+
+
+def patch_over(
+    vertices: Float[np.ndarray, "n 3"],
+    normals: Float[np.ndarray, "n 3"],
+    faces: Int[np.ndarray, "m 3"],
+    loop: Int[np.ndarray, " b"],
+) -> Int[np.ndarray, "k 3"] | None:
+    """Triangles over one hole of ``faces``, or None if none are possible."""
+    member = np.zeros(len(vertices), bool)
+    member[loop] = True
+    taken = set(_keys(adjacency(faces[member[faces].any(axis=1)]).edges, len(vertices)).tolist())
+    cut = triangulate(vertices[loop], normals[loop], _blocked(loop, taken, len(vertices)))
+    return None if cut is None else loop[cut]
+
+
 def _keys(edges: Int[np.ndarray, "e 2"], count: int) -> Int[np.ndarray, " e"]:
     return edges.min(axis=1) * count + edges.max(axis=1)
 

@@ -22,13 +22,14 @@ def clean(
     merit = np.abs(agree)
     keep = merit > 0
     faces, merit = faces[keep], merit[keep]
-    while True:
+    while len(faces):
         bad = _on_bad_edges(faces, merit)
         if not bad.any():
             bad = _in_lesser_fans(faces)
             if not bad.any():
-                return faces
+                break
         faces, merit = faces[~bad], merit[~bad]
+    return faces
 
 
 def distinct(faces: Int[np.ndarray, "m 3"]) -> Int[np.ndarray, "k 3"]:

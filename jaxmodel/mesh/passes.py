@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 from jaxmodel.errors import InputError
 from jaxmodel.mesh.adjacency import adjacency
 from jaxmodel.mesh.closing import border_length
-from jaxmodel.mesh.growth import grow, pivot
+from jaxmodel.mesh.growth import grow, open_vertices, pivot
 from jaxmodel.mesh.radii import ball_radii, check_radii
 
 Radii = Sequence[float] | Literal["auto"]
@@ -35,7 +35,7 @@ def run_passes(
     """
     faces = np.zeros((0, 3), np.int64)
     passes: list[Pass] = []
-    wanted = ball_radii(spacing) if isinstance(radii, str) else check_radii(radii, points, spacing)
+    wanted = ball_radii(spacing) if isinstance(radii, str) else check_radii(radii, spacing)
     for radius in wanted:
         grown = grow(points, normals, faces, radius)
         border = int((adjacency(grown).faces == 1).sum())
@@ -44,7 +44,7 @@ def run_passes(
             break
         faces = grown
         passes.append(made)
-        if len(faces) and border == 0 and len(np.unique(faces)) == len(points):
+        if not open_vertices(faces, len(points)).any():
             break
     if len(faces) == 0:
         raise InputError(_no_seed(points, normals, wanted, spacing))

@@ -13,7 +13,9 @@ PROBES = 4096
 NEIGHBOURS = 16
 GROWTH = 1.5
 PASSES = 4
-THICK = 0.25  # thickness over nearest-neighbour distance above which layers overlap
+STEEP = 0.4
+STACKED_SHARE = 0.1
+LARGEST = 10.0  # in spacings: such a ball has about 300 points under it, and pivoting it costs their square
 PER_SPACING = 2.0
 PER_THICKNESS = 6.0
 
@@ -21,12 +23,11 @@ PER_THICKNESS = 6.0
 class CloudScale(NamedTuple):
     """Lengths of a cloud, in its unit.
 
-    ``spacing`` the edge of the square each point has to itself; ``nearest`` the distance to the nearest other point;
-    ``thickness`` the standard deviation of the points about their own sheet: noise and the offsets between views.
+    ``spacing`` the edge of the square each point has to itself; ``thickness`` the standard deviation of the points
+    about their own sheet: noise and the offsets between views.
     """
 
     spacing: float
-    nearest: float
     thickness: float
 
 
@@ -41,20 +42,37 @@ def cloud_scale(points: Float[np.ndarray, "n 3"], tree: cKDTree | None = None) -
     spread = np.linalg.eigvalsh(np.einsum("nka,nkb->nab", near, near) / max(count - 3, 1))
     return CloudScale(
         spacing=float(np.median(distance[:, -1])) * float(np.sqrt(np.pi / count)),
-        nearest=float(np.median(distance[:, 1])),
         thickness=float(np.sqrt(max(np.median(spread[:, 0]), 0.0))),
     )
 
 
-def thinning_distance(points: Float[np.ndarray, "n 3"], tree: cKDTree | None = None) -> float:
+def thinning_distance(
+    points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"], tree: cKDTree | None = None
+) -> float:
     """The distance to leave between points where layers overlap, 0 where the cloud is one sheet already.
 
-    Layers overlap when the cloud is thick against the distance between neighbours, which a single scan is not.
+    Layers overlap when a tenth of the points have their nearest neighbour above or below rather than beside: at a
+    slope over 0.4 against the mean of both normals. Noise of a single scan, and curvature, stay well under that.
     """
-    spacing, nearest, thickness = cloud_scale(points, tree)
-    if thickness <= THICK * nearest:
+    tree = cKDTree(points) if tree is None else tree
+    probes = np.arange(0, len(points), max(1, len(points) // PROBES))
+    _, index = tree.query(points[probes], k=2, workers=-1)
+    other = np.where(index[:, 1] == probes, index[:, 0], index[:, 1])
+    chord, both = points[other] - points[probes], normals[other] + normals[probes]
+    size = np.linalg.norm(chord, axis=1) * np.linalg.norm(both, axis=1)
+    slope = np.abs(np.einsum("na,na->n", chord, both)) / np.where(size > 0, size, 1.0)
+    if np.quantile(slope, 1 - STACKED_SHARE) <= STEEP:
         return 0.0
+    spacing, thickness = cloud_scale(points, tree)
     return max(PER_SPACING * spacing, PER_THICKNESS * thickness)
+
+
+def widest_gap(spacing: float, count: int) -> float:
+    """How far from ``count`` points, spread by chance at this ``spacing``, their surface can be just by chance.
+
+    A circle of radius ``r`` is empty with probability ``exp(-pi r² / spacing²)``: at this radius one of ``count`` is.
+    """
+    return spacing * float(np.sqrt(np.log(max(count, 3)) / np.pi))
 
 
 def ball_radii(spacing: float) -> tuple[float, ...]:
@@ -62,15 +80,14 @@ def ball_radii(spacing: float) -> tuple[float, ...]:
     return tuple(spacing * GROWTH**k for k in range(PASSES))
 
 
-def check_radii(radii: Sequence[float], points: Float[np.ndarray, "n 3"], spacing: float) -> tuple[float, ...]:
-    """``radii`` ascending, or ``InputError``: none, not positive, or a ball larger than the whole cloud."""
+def check_radii(radii: Sequence[float], spacing: float) -> tuple[float, ...]:
+    """``radii`` ascending, or ``InputError``: none, not positive, or far larger than the spacing."""
     given = np.sort(np.asarray(radii, np.float64).reshape(-1))
     if len(given) == 0 or not (np.isfinite(given) & (given > 0)).all():
         raise InputError(f"Expected positive radii, found {list(radii)}.")
-    size = float(np.ptp(points, axis=0).max())
-    if given[-1] > size:
+    if given[-1] > LARGEST * spacing:
         raise InputError(
-            f"A ball of radius {given[-1]:.4g} is larger than the cloud, whose longest side is {size:.4g}: "
-            f"points are about {spacing:.4g} apart, and a radius of {ball_radii(spacing)[1]:.4g} would do."
+            f"A ball of radius {given[-1]:.4g} is too large: the points are about {spacing:.4g} apart, so it would touch "
+            f"hundreds at once and roll over their shape; a radius of {ball_radii(spacing)[1]:.4g} would do."
         )
     return tuple(given.tolist())
