@@ -44,7 +44,7 @@ class Pivoting(eqx.Module):
 
 def ball_pivot(
     points: Float[np.ndarray, "n 3"],
-    normals: Float[np.ndarray, "n 3"] | None = None,
+    normals: Float[np.ndarray, "m 3"] | None = None,
     radii: Radii = "auto",
     *,
     eyes: Eyes | None = None,
@@ -66,7 +66,7 @@ def ball_pivot(
 
 def ball_pivoting(
     points: Float[np.ndarray, "n 3"],
-    normals: Float[np.ndarray, "n 3"] | None = None,
+    normals: Float[np.ndarray, "m 3"] | None = None,
     radii: Radii = "auto",
     *,
     eyes: Eyes | None = None,

@@ -32,7 +32,7 @@ class Oriented(NamedTuple):
 
 def orient(
     points: Float[np.ndarray, "n 3"],
-    normals: Float[np.ndarray, "n 3"] | None = None,
+    normals: Float[np.ndarray, "m 3"] | None = None,
     toward: Float[np.ndarray, "n 3"] | None = None,
     tree: cKDTree | None = None,
 ) -> Oriented:

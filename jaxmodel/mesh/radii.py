@@ -87,7 +87,7 @@ def check_radii(radii: Sequence[float], spacing: float) -> tuple[float, ...]:
         raise InputError(f"Expected positive radii, found {list(radii)}.")
     if given[-1] > LARGEST * spacing:
         raise InputError(
-            f"A ball of radius {given[-1]:.4g} is too large: the points are about {spacing:.4g} apart, so it would touch "
+            f"A ball of radius {given[-1]:.4g} is too large: points are about {spacing:.4g} apart, so it would touch "
             f"hundreds at once and roll over their shape; a radius of {ball_radii(spacing)[1]:.4g} would do."
         )
     return tuple(given.tolist())
