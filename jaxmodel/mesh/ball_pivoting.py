@@ -5,26 +5,24 @@ from typing import Literal
 import equinox as eqx
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.spatial import cKDTree
 
 from jaxmodel.errors import InputError
 from jaxmodel.mesh.closing import close, near_points
 from jaxmodel.mesh.manifold import without_small_parts
-from jaxmodel.mesh.orientation import orient
 from jaxmodel.mesh.passes import Pass, Radii, run_passes
+from jaxmodel.mesh.prepare import Eyes, prepare
 from jaxmodel.mesh.radii import cloud_scale, thinning_distance, widest_gap
 from jaxmodel.mesh.thinning import thin
-from jaxmodel.scan.cloud import check_points
 from jaxmodel.scan.triangle_mesh import ObjectMesh
 
 Thinning = float | Literal["auto"] | None
-Eyes = Float[np.ndarray, "n 4"] | Float[np.ndarray, "4"]
 
 
 class Pivoting(eqx.Module):
     """A mesh by ball pivoting and how it came about; lengths in the unit of the points.
 
-    ``source`` the row of the input each vertex of ``mesh`` was, ``normals`` the sheet's there. ``thinned`` the distance
+    ``source`` the row of the input each vertex of ``mesh`` was, ``normals`` the sheet's there, ``weight`` of
+    the points around it that it is the mean of (1 without thinning). ``thinned`` the distance
     of the thinning, 0 without. ``closing`` triangles that closed holes. Rows of the input: ``unused`` points the
     ball never reached, ``bad_normals`` left out because of their normal, ``turned`` taken with the normal reversed.
     ``estimated`` whether the normals were made here.
@@ -32,6 +30,7 @@ class Pivoting(eqx.Module):
 
     mesh: ObjectMesh
     normals: Float[np.ndarray, "k 3"]
+    weight: Float[np.ndarray, " k"]
     source: Int[np.ndarray, " k"]
     passes: tuple[Pass, ...]
     closing: int
@@ -84,23 +83,15 @@ def ball_pivoting(
     share of the area below which a component is dropped. ``closing`` closes the holes along which points lie.
     Raises ``InputError``: bad points (see :func:`check_points`), a line of points, normals or radii unfit.
     """
-    points = check_points(points).astype(np.float64)
-    _check_extent(points)
-    toward = None if eyes is None else _toward(points, eyes)
-    tree = cKDTree(points)
-    oriented = orient(points, normals, toward, tree)
-    good = np.setdiff1d(np.arange(len(points)), oriented.bad)
-    if len(oriented.bad):
-        tree = cKDTree(points[good])
-    kept, kept_normals = points[good], oriented.normals[good]
+    kept, kept_normals, toward, good, tree, oriented = prepare(points, normals, eyes)
     distance = thinning_distance(kept, kept_normals, tree) if thinning == "auto" else float(thinning or 0.0)
     if distance > 0:
-        sheet = thin(kept, kept_normals, distance, None if toward is None else toward[good])
-        vertices, vertex_normals, source = sheet.points, sheet.normals, good[sheet.source]
+        sheet = thin(kept, kept_normals, distance, toward, tree)
+        vertices, vertex_normals, weight, source = sheet.points, sheet.normals, sheet.weight, good[sheet.source]
     else:
         _, first = np.unique(kept, axis=0, return_index=True)
         first = np.sort(first)
-        vertices, vertex_normals, source = kept[first], kept_normals[first], good[first]
+        vertices, vertex_normals, weight, source = kept[first], kept_normals[first], np.ones(len(first)), good[first]
     spacing = cloud_scale(vertices).spacing
     reach = max(spacing, widest_gap(cloud_scale(kept, tree).spacing, len(kept)))
     faces, passes = run_passes(vertices, vertex_normals, radii, spacing)
@@ -113,6 +104,7 @@ def ball_pivoting(
     return Pivoting(
         mesh=ObjectMesh(vertices[used], (np.cumsum(used) - 1)[faces]),
         normals=vertex_normals[used],
+        weight=weight[used],
         source=source[used],
         passes=passes,
         closing=len(faces) - pivoted,
@@ -122,15 +114,3 @@ def ball_pivoting(
         turned=oriented.turned,
         estimated=oriented.estimated,
     )
-
-
-def _check_extent(points: Float[np.ndarray, "n 3"]) -> None:
-    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    if spread[1] < 1e-6 * spread[0]:
-        raise InputError(f"All {len(points)} points lie on one line: there is no surface through them.")
-
-
-def _toward(points: Float[np.ndarray, "n 3"], eyes: Eyes) -> Float[np.ndarray, "n 3"]:
-    direction = eyes[..., :3] - eyes[..., 3:] * points
-    length = np.linalg.norm(direction, axis=1, keepdims=True)
-    return direction / np.where(length > 0, length, 1.0)

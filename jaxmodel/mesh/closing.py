@@ -1,7 +1,7 @@
 """From what the ball left to one surface: folds and crowded edges dropped, and the holes that were seen closed."""
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
 from jaxmodel.mesh.adjacency import adjacency
@@ -29,18 +29,20 @@ def close(
     faces: Int[np.ndarray, "m 3"],
     most_edges: int = MOST_EDGES,
     accept: Accept = lambda patch: True,
+    fixed: Bool[np.ndarray, " n"] | None = None,
 ) -> Int[np.ndarray, "k 3"]:
     """``faces`` as a manifold (see :func:`jaxmodel.mesh.manifold.clean`) with its holes closed where ``accept`` lets.
 
     Where no patch fits, the triangles around the hole are in the way: up to three rings of them give way to one
-    patch over the larger hole.
+    patch over the larger hole. Triangles beyond ``faces`` meet them in ``fixed`` vertices only, and still do after.
     """
-    faces = clean(vertices, normals, faces)
-    patches, stuck = close_holes(vertices, normals, faces, most_edges, accept)
+    fixed = np.zeros(len(vertices), bool) if fixed is None else fixed
+    faces = clean(vertices, normals, faces, fixed)
+    patches, stuck = close_holes(vertices, normals, faces, most_edges, accept, fixed)
     faces = np.concatenate([faces, patches])
     for loop in stuck:
-        faces = _wider_patch(vertices, normals, faces, loop, accept)
-    return clean(vertices, normals, faces)
+        faces = _wider_patch(vertices, normals, faces, loop, accept, fixed)
+    return clean(vertices, normals, faces, fixed)
 
 
 def _wider_patch(
@@ -49,6 +51,7 @@ def _wider_patch(
     faces: Int[np.ndarray, "m 3"],
     loop: Int[np.ndarray, " b"],
     accept: Accept,
+    fixed: Bool[np.ndarray, " n"],
 ) -> Int[np.ndarray, "k 3"]:
     """``faces`` with the hole ``loop`` and the rings around it replaced by one patch, or as they are if none fits."""
     inside = np.zeros(len(vertices), bool)
@@ -57,6 +60,8 @@ def _wider_patch(
         ring = inside[faces].any(axis=1)
         outline = ring_outline(faces[ring], loop)
         rest = faces[~ring]
+        if fixed[faces[ring]].any():
+            break
         if outline is not None:
             patch = patch_over(vertices, normals, rest, outline)
             if patch is not None and accept(patch):

@@ -15,16 +15,16 @@ def grow(
     normals: Float[np.ndarray, "n 3"],
     faces: Int[np.ndarray, "m 3"],
     radius: float,
-    zone: Bool[np.ndarray, " n"] | None = None,
+    fixed: Bool[np.ndarray, " n"] | None = None,
 ) -> Int[np.ndarray, "k 3"]:
     """``faces`` and the triangles a ball of ``radius`` finds among the points within four radii of an open vertex.
 
-    Open are the vertices of border edges and the points without triangle, only those in ``zone`` if that is given.
+    Open are the vertices of border edges and the points without triangle, but for those that are ``fixed``.
     What the ball finds is kept where it fits (see :func:`weld`).
     """
     loose = open_vertices(faces, len(points))
-    if zone is not None:
-        loose &= zone
+    if fixed is not None:
+        loose &= ~fixed
     if not loose.any():
         return faces
     if loose.all():
@@ -33,7 +33,7 @@ def grow(
         gap, _ = cKDTree(points[loose]).query(points, distance_upper_bound=ZONE * radius, workers=-1)
         near = np.flatnonzero(np.isfinite(gap))
     found = near[pivot(points[near], normals[near], radius)]
-    return weld(faces, found, len(points))
+    return weld(faces, found, loose)
 
 
 def pivot(points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"], radius: float) -> Int[np.ndarray, "m 3"]:
@@ -63,18 +63,20 @@ def open_vertices(faces: Int[np.ndarray, "m 3"], count: int) -> Bool[np.ndarray,
     return loose
 
 
-def weld(faces: Int[np.ndarray, "m 3"], found: Int[np.ndarray, "k 3"], count: int) -> Int[np.ndarray, "j 3"]:
-    """``faces`` and those of ``found`` that join them: corners open, no side along one of theirs the same way."""
-    if len(faces) == 0:
-        return found
-    loose = open_vertices(faces, count)
+def weld(
+    faces: Int[np.ndarray, "m 3"], found: Int[np.ndarray, "k 3"], loose: Bool[np.ndarray, " n"]
+) -> Int[np.ndarray, "j 3"]:
+    """``faces`` and those of ``found`` that join them: all corners ``loose``, no side along one of theirs the same way.
+
+    Triangles of empty balls never cross: what fits at its sides fits.
+    """
     found = found[loose[found].all(axis=1)]
-    near = np.zeros(count, bool)
+    near = np.zeros(len(loose), bool)
     near[found] = True
-    taken = np.sort(_directed(faces[near[faces].any(axis=1)], count))
-    wanted = _directed(found, count)
-    place = np.minimum(np.searchsorted(taken, wanted), max(len(taken) - 1, 0))
-    free = (taken[place] != wanted) if len(taken) else np.ones(len(wanted), bool)
+    taken = np.sort(_directed(faces[near[faces].any(axis=1)], len(loose)))
+    wanted = _directed(found, len(loose))
+    place = np.searchsorted(taken, wanted)
+    free = np.append(taken, -1)[place] != wanted
     return np.concatenate([faces, found[free.reshape(-1, 3).all(axis=1)]])
 
 

@@ -12,23 +12,29 @@ MOST_EDGES = 100
 Accept = Callable[[Int[np.ndarray, "k 3"]], bool]
 
 
-def border_loops(faces: Int[np.ndarray, "m 3"]) -> list[Int[np.ndarray, " b"]]:
+def border_loops(
+    faces: Int[np.ndarray, "m 3"], fixed: Bool[np.ndarray, " n"] | None = None
+) -> list[Int[np.ndarray, " b"]]:
     """Vertices around each hole, in the order in which triangles that close it run along the border.
 
-    ``faces`` is consistently oriented with one fan a vertex, as :func:`jaxmodel.mesh.manifold.clean` leaves it.
+    ``faces`` is consistently oriented with one fan a vertex, as :func:`jaxmodel.mesh.manifold.clean` leaves it. Loops
+    through a ``fixed`` vertex are left out.
     """
     shared = adjacency(faces)
     start, end = faces.reshape(-1), faces[:, [1, 2, 0]].reshape(-1)
     open_side = shared.faces[shared.edge_of.reshape(-1)] == 1
+    if fixed is not None:
+        open_side &= ~(fixed[start] | fixed[end])
     after = dict(zip(end[open_side].tolist(), start[open_side].tolist(), strict=True))
     loops = []
     while after:
         first, vertex = after.popitem()
         loop = [first]
-        while vertex != first:
+        while vertex in after:
             loop.append(vertex)
             vertex = after.pop(vertex)
-        loops.append(np.array(loop))
+        if vertex == first:
+            loops.append(np.array(loop))
     return loops
 
 
@@ -45,6 +51,7 @@ def close_holes(
     faces: Int[np.ndarray, "m 3"],
     most_edges: int = MOST_EDGES,
     accept: Accept = lambda patch: True,
+    fixed: Bool[np.ndarray, " n"] | None = None,
 ) -> Closing:
     """Triangles for every hole of at most ``most_edges`` edges whose patch ``accept`` takes, small holes first.
 
@@ -53,7 +60,7 @@ def close_holes(
     count = len(vertices)
     taken = set(_keys(adjacency(faces).edges, count).tolist())
     patches, stuck = [np.zeros((0, 3), np.int64)], []
-    for loop in sorted(border_loops(faces), key=len):
+    for loop in sorted(border_loops(faces, fixed), key=len):
         if len(loop) > most_edges:
             break
         cut = triangulate(vertices[loop], normals[loop], _blocked(loop, taken, count))

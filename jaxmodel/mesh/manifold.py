@@ -9,12 +9,16 @@ from jaxmodel.mesh.adjacency import adjacency, face_components, face_normals, fa
 
 
 def clean(
-    vertices: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"], faces: Int[np.ndarray, "m 3"]
+    vertices: Float[np.ndarray, "n 3"],
+    normals: Float[np.ndarray, "n 3"],
+    faces: Int[np.ndarray, "m 3"],
+    fixed: Bool[np.ndarray, " n"] | None = None,
 ) -> Int[np.ndarray, "k 3"]:
     """The largest part of ``faces``, worst dropped first, that is a consistently oriented 2-manifold with border.
 
     Every kept triangle faces the side its corners' ``normals`` point to; every edge has one or two triangles; the
-    triangles at a vertex form one fan. Merit of a triangle is its agreement with those normals.
+    triangles at a vertex form one fan. Merit of a triangle is its agreement with those normals. Vertices that are
+    ``fixed`` have triangles beyond ``faces``: their fans are not judged.
     """
     faces = distinct(faces)
     agree = agreement(vertices, normals, faces)
@@ -25,7 +29,7 @@ def clean(
     while len(faces):
         bad = _on_bad_edges(faces, merit)
         if not bad.any():
-            bad = _in_lesser_fans(faces)
+            bad = _in_lesser_fans(faces, fixed)
             if not bad.any():
                 break
         faces, merit = faces[~bad], merit[~bad]
@@ -74,7 +78,7 @@ def _on_bad_edges(faces: Int[np.ndarray, "m 3"], merit: Float[np.ndarray, " m"])
     return bad
 
 
-def _in_lesser_fans(faces: Int[np.ndarray, "m 3"]) -> Bool[np.ndarray, " m"]:
+def _in_lesser_fans(faces: Int[np.ndarray, "m 3"], fixed: Bool[np.ndarray, " n"] | None) -> Bool[np.ndarray, " m"]:
     """Triangles of all but the largest fan around each vertex."""
     fan = fans(faces)
     size = np.bincount(fan)
@@ -84,6 +88,8 @@ def _in_lesser_fans(faces: Int[np.ndarray, "m 3"]) -> Bool[np.ndarray, " m"]:
     lesser = np.concatenate([[False], np.diff(vertex_of[order]) == 0])
     small = np.zeros(len(size), bool)
     small[order[lesser]] = True
+    if fixed is not None:
+        small &= ~fixed[vertex_of]
     return small[fan].reshape(-1, 3).any(axis=1)
 
 

@@ -6,22 +6,22 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
+from jaxmodel.mesh.projection import project
+
 LEVELS = 16
-STEPS = 2
-NEIGHBOURS = 40
-BLOCK = 1 << 16
+REACH = 2.5  # of the projection, in thinning distances
 
 
 class Sheet(NamedTuple):
     """``k`` of ``n`` points, at least the thinning distance apart along the surface and moved onto the sheet's middle.
 
-    ``source`` row of the input each was; ``normals`` unit, the sheet's mean there; ``moved`` how far each went.
+    ``source`` row of the input each was; ``normals`` unit, the sheet's mean there; ``weight`` of the points it is of.
     """
 
     points: Float[np.ndarray, "k 3"]
     normals: Float[np.ndarray, "k 3"]
+    weight: Float[np.ndarray, " k"]
     source: Int[np.ndarray, " k"]
-    moved: Float[np.ndarray, " k"]
 
 
 def thin(
@@ -29,6 +29,7 @@ def thin(
     normals: Float[np.ndarray, "n 3"],
     distance: float,
     toward: Float[np.ndarray, "n 3"] | None = None,
+    tree: cKDTree | None = None,
     seed: int = 0,
 ) -> Sheet:
     """The best point of each group of radius ``distance``, projected on the mean surface of the points around it.
@@ -38,51 +39,12 @@ def thin(
     the group's mean surface, with the normal nearest to the mean normal and, given the unit directions ``toward``
     the sensor, the one that faces it most squarely. Linear in points, without a loop over them.
     """
-    tree = cKDTree(points)
+    tree = cKDTree(points) if tree is None else tree
     pairs, offset = _groups(points, normals, distance, tree)
     order = _order(points, normals, pairs, offset, distance, toward, seed)
     source = _independent(len(points), pairs, order)
-    onto, mean = project(points[source], normals[source], points, normals, 2 * distance, tree)
-    return Sheet(onto, mean, source, np.linalg.norm(onto - points[source], axis=1))
-
-
-def project(
-    sites: Float[np.ndarray, "k 3"],
-    site_normals: Float[np.ndarray, "k 3"],
-    points: Float[np.ndarray, "n 3"],
-    normals: Float[np.ndarray, "n 3"],
-    reach: float,
-    tree: cKDTree | None = None,
-) -> tuple[Float[np.ndarray, "k 3"], Float[np.ndarray, "k 3"]]:
-    """``sites`` moved along their normals onto the weighted mean surface of the ``points`` within ``reach``.
-
-    Each point votes the height at which the chord to it is perpendicular to the sum of both normals, which is
-    exact on planes and on spheres: repeated projection does not shrink the surface. Returns the moved sites and
-    the mean normals there.
-    """
-    tree = cKDTree(points) if tree is None else tree
-    moved, mean = sites.copy(), site_normals.copy()
-    for start in range(0, len(sites), BLOCK):
-        rows = slice(start, start + BLOCK)
-        _, index = tree.query(sites[rows], k=min(NEIGHBOURS, len(points)), distance_upper_bound=reach, workers=-1)
-        index = index.reshape(len(index), -1)
-        absent = index == len(points)
-        index = np.where(absent, 0, index)
-        q, n = points[index], normals[index]
-        for _ in range(STEPS):
-            chord = q - moved[rows, None]
-            agree = np.clip(np.einsum("kma,ka->km", n, mean[rows]), 0.0, 1.0)
-            weight = np.exp(-4 / reach**2 * np.einsum("kma,kma->km", chord, chord)) * agree**2
-            weight[absent] = 0.0
-            total = np.einsum("km,kma->ka", weight, n)
-            length = np.linalg.norm(total, axis=1, keepdims=True)
-            middle = np.where(length > 0, total / np.where(length > 0, length, 1.0), mean[rows])
-            both = n + middle[:, None]
-            height = np.einsum("km,kma,kma->k", weight, both, chord)
-            scale = np.einsum("km,kma,ka->k", weight, both, middle)
-            moved[rows] += (height / np.where(scale > 0, scale, 1.0))[:, None] * middle
-            mean[rows] = middle
-    return moved, mean
+    onto = project(points[source], normals[source], points, normals, REACH * distance, tree)
+    return Sheet(onto.points, onto.normals, onto.weight, source)
 
 
 def _groups(
