@@ -9,6 +9,7 @@ from jaxmodel.mesh.holes import MOST_EDGES, Accept, close_holes, patch_over, rin
 from jaxmodel.mesh.manifold import clean
 
 RINGS = 3
+WIDEN = 50  # edges of the largest hole whose surroundings may give way
 
 
 def near_points(tree: cKDTree, reach: float, vertices: Float[np.ndarray, "n 3"]) -> Accept:
@@ -41,7 +42,8 @@ def close(
     patches, stuck = close_holes(vertices, normals, faces, most_edges, accept, fixed)
     faces = np.concatenate([faces, patches])
     for loop in stuck:
-        faces = _wider_patch(vertices, normals, faces, loop, accept, fixed)
+        if len(loop) <= WIDEN:
+            faces = _wider_patch(vertices, normals, faces, loop, accept, fixed)
     return clean(vertices, normals, faces, fixed)
 
 

@@ -6,7 +6,7 @@ from scipy.spatial import cKDTree
 
 from jaxmodel.mesh.adjacency import adjacency
 
-ZONE = 4.0
+ZONE = 2.1  # in radii: a ball on an open vertex touches nothing further than two
 HAIR = 1e-4
 
 
@@ -17,7 +17,7 @@ def grow(
     radius: float,
     fixed: Bool[np.ndarray, " n"] | None = None,
 ) -> Int[np.ndarray, "k 3"]:
-    """``faces`` and the triangles a ball of ``radius`` finds among the points within four radii of an open vertex.
+    """``faces`` and the triangles a ball of ``radius`` finds among the points within its diameter of an open vertex.
 
     Open are the vertices of border edges and the points without triangle, but for those that are ``fixed``.
     What the ball finds is kept where it fits (see :func:`weld`).

@@ -156,10 +156,15 @@ def triangulate(
 
 
 def _weight(corners: np.ndarray, normals: np.ndarray, i: np.ndarray, m: np.ndarray, k: np.ndarray) -> np.ndarray:
-    a, b, c = corners[i], corners[m], corners[k]
-    face = np.cross(b - a, c - a)
-    mean = normals[i] + normals[m] + normals[k]
-    scale = np.linalg.norm(face, axis=-1) * np.linalg.norm(mean, axis=-1)
-    lean = np.einsum("...a,...a->...", face, np.broadcast_to(mean, face.shape)) / np.where(scale > 0, scale, 1.0)
-    perimeter = sum(np.linalg.norm(q - p, axis=-1) for p, q in ((a, b), (b, c), (c, a)))
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = (corners[at].T for at in (i.T, m.T, k.T))
+    ux, uy, uz, vx, vy, vz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
+    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    nx, ny, nz = normals[i.T].T + normals[m.T].T + normals[k.T].T
+    scale = np.sqrt((x * x + y * y + z * z) * (nx * nx + ny * ny + nz * nz))
+    lean = (x * nx + y * ny + z * nz) / np.where(scale > 0, scale, 1.0)
+    perimeter = (
+        np.sqrt(ux * ux + uy * uy + uz * uz)
+        + np.sqrt(vx * vx + vy * vy + vz * vz)
+        + np.sqrt((cx - bx) ** 2 + (cy - by) ** 2 + (cz - bz) ** 2)
+    )
     return np.where(lean > 0, perimeter**2 * (2.0 - lean), np.inf)

@@ -20,9 +20,10 @@ from jaxmodel.scan.triangle_mesh import ObjectMesh
 
 PER_VIEW = 1.1
 OPENED = 2.0
-ZONE = 8.0
+ZONE = 5.0
 CANDIDATES = 8
-CRUMB = 30
+CRUMB = 100
+IN_REACH = 32  # points of one view within reach: about 24
 
 
 class GrowingMesh(eqx.Module):
@@ -111,7 +112,7 @@ def _averaged(
     reach = REACH * model.distance
     gap, _ = view.tree.query(model.vertices, distance_upper_bound=reach, workers=-1)
     rows = np.flatnonzero(np.isfinite(gap))
-    seen = project(model.vertices[rows], model.normals[rows], view.points, view.normals, reach, view.tree)
+    seen = project(model.vertices[rows], model.normals[rows], view.points, view.normals, reach, view.tree, IN_REACH)
     vertices, normals, weight = model.vertices.copy(), model.normals.copy(), model.weight.copy()
     weight[rows] += seen.weight
     share = (seen.weight / weight[rows])[:, None]
@@ -142,7 +143,7 @@ def _new_vertices(view: Prepared, fresh: np.ndarray, distance: float) -> Growing
     points, normals = view.points[fresh], view.normals[fresh]
     toward = None if view.toward is None else view.toward[fresh]
     kept = thin(points, normals, distance, toward).source if len(points) > 1 else np.arange(len(points))
-    onto = project(points[kept], normals[kept], view.points, view.normals, REACH * distance, view.tree)
+    onto = project(points[kept], normals[kept], view.points, view.normals, REACH * distance, view.tree, IN_REACH)
     return GrowingMesh(onto.points, onto.normals, onto.weight, np.zeros((0, 3), np.int64), distance)
 
 

@@ -26,8 +26,9 @@ def project(
     normals: Float[np.ndarray, "n 3"],
     reach: float,
     tree: cKDTree | None = None,
+    neighbours: int = NEIGHBOURS,
 ) -> Projected:
-    """``sites`` moved along their normals onto the weighted mean surface of the ``points`` within ``reach``.
+    """``sites`` moved along their normals onto the weighted mean surface of the nearest ``points`` within ``reach``.
 
     Each point votes the height at which the chord to it is perpendicular to the sum of both normals, which is
     exact on planes and on spheres: repeated projection does not shrink the surface. A site without a point in reach
@@ -37,7 +38,7 @@ def project(
     moved, mean, support = sites.copy(), site_normals.copy(), np.zeros(len(sites))
     for start in range(0, len(sites), BLOCK):
         rows = slice(start, start + BLOCK)
-        _, index = tree.query(sites[rows], k=min(NEIGHBOURS, len(points)), distance_upper_bound=reach, workers=-1)
+        _, index = tree.query(sites[rows], k=min(neighbours, len(points)), distance_upper_bound=reach, workers=-1)
         index = index.reshape(len(index), -1)
         absent = index == len(points)
         index = np.where(absent, 0, index)
