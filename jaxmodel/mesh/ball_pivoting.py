@@ -8,7 +8,8 @@ from jaxtyping import Float, Int
 
 from jaxmodel.errors import InputError
 from jaxmodel.mesh.closing import close, near_points
-from jaxmodel.mesh.manifold import without_small_parts
+from jaxmodel.mesh.growth import rests
+from jaxmodel.mesh.manifold import clean, without_small_parts
 from jaxmodel.mesh.passes import Pass, Radii, run_passes
 from jaxmodel.mesh.prepare import Eyes, prepare
 from jaxmodel.mesh.radii import cloud_scale, thinning_distance, widest_gap
@@ -69,6 +70,7 @@ def ball_pivoting(
     radii: Radii = "auto",
     *,
     eyes: Eyes | None = None,
+    seeds: Int[np.ndarray, "s 3"] | None = None,
     thinning: Thinning = "auto",
     smallest_part: float = 0.0,
     closing: bool = True,
@@ -78,7 +80,8 @@ def ball_pivoting(
     Prefer it to volumetric methods when measured points are to stay vertices and what no scan saw is to stay open.
     ``radii`` grow from the cloud's own spacing until the border stops shrinking, or are passes as given, ascending.
     ``eyes`` homogeneous sensor position of each point (direction, if at infinity), or one for all: decides the
-    normals' side and which point of an overlap is best. ``thinning`` the distance that stays between points,
+    normals' side and which point of an overlap is best. ``seeds`` triangles of rows, such as the views' own meshes:
+    those on which the ball rests are where it starts. ``thinning`` the distance that stays between points,
     "auto" only where layers overlap, None for never (points that coincide are always merged). ``smallest_part`` the
     share of the area below which a component is dropped. ``closing`` closes the holes along which points lie.
     Raises ``InputError``: bad points (see :func:`check_points`), a line of points, normals or radii unfit.
@@ -94,7 +97,8 @@ def ball_pivoting(
         vertices, vertex_normals, weight, source = kept[first], kept_normals[first], np.ones(len(first)), good[first]
     spacing = cloud_scale(vertices).spacing
     reach = max(spacing, widest_gap(cloud_scale(kept, tree).spacing, len(kept)))
-    faces, passes = run_passes(vertices, vertex_normals, radii, spacing)
+    start = None if seeds is None else _seeds(vertices, vertex_normals, source, seeds, len(points), spacing)
+    faces, passes = run_passes(vertices, vertex_normals, radii, spacing, start)
     pivoted = len(faces)
     accept = near_points(tree, reach, vertices)
     faces = close(vertices, vertex_normals, faces, accept=accept if closing else lambda patch: False)
@@ -114,3 +118,19 @@ def ball_pivoting(
         turned=oriented.turned,
         estimated=oriented.estimated,
     )
+
+
+def _seeds(
+    vertices: Float[np.ndarray, "k 3"],
+    normals: Float[np.ndarray, "k 3"],
+    source: Int[np.ndarray, " k"],
+    seeds: Int[np.ndarray, "s 3"],
+    count: int,
+    spacing: float,
+) -> Int[np.ndarray, "j 3"]:
+    """Those of ``seeds`` whose corners all became vertices and on which the first ball rests, as vertices."""
+    vertex_of = np.full(count, -1)
+    vertex_of[source] = np.arange(len(source))
+    faces = vertex_of[seeds]
+    faces = faces[(faces >= 0).all(axis=1)]
+    return clean(vertices, normals, faces[rests(vertices, normals, faces, spacing)])

@@ -82,3 +82,26 @@ def weld(
 
 def _directed(faces: Int[np.ndarray, "m 3"], count: int) -> Int[np.ndarray, " c"]:
     return (faces * count + faces[:, [1, 2, 0]]).reshape(-1)
+
+
+def rests(
+    points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"], faces: Int[np.ndarray, "m 3"], radius: float
+) -> Bool[np.ndarray, " m"]:
+    """Whether a ball of ``radius`` lies on each triangle, on the side of the ``normals``, with no point inside.
+
+    Such triangles never cross one another, whatever they were made by.
+    """
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    u, v = b - a, c - a
+    cross = np.cross(u, v)
+    square = np.einsum("ma,ma->m", cross, cross)
+    flat = square <= 0
+    square = np.where(flat, 1.0, square)
+    uu, vv = np.einsum("ma,ma->m", u, u), np.einsum("ma,ma->m", v, v)
+    offset = (uu[:, None] * np.cross(v, cross) + vv[:, None] * np.cross(cross, u)) / (2 * square)[:, None]
+    height = radius**2 - np.einsum("ma,ma->m", offset, offset)
+    side = np.sign(np.einsum("ma,ma->m", cross, normals[faces].sum(axis=1)))
+    up = cross / np.sqrt(square)[:, None] * side[:, None]
+    centre = a + offset + np.sqrt(np.maximum(height, 0.0))[:, None] * up
+    gap, _ = cKDTree(points).query(centre, workers=-1)
+    return ~flat & (height > 0) & (gap > (1 - HAIR) * radius)

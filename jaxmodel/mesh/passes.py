@@ -27,20 +27,26 @@ class Pass(NamedTuple):
 
 
 def run_passes(
-    points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"], radii: Radii, spacing: float
+    points: Float[np.ndarray, "n 3"],
+    normals: Float[np.ndarray, "n 3"],
+    radii: Radii,
+    spacing: float,
+    faces: Int[np.ndarray, "s 3"] | None = None,
 ) -> tuple[Int[np.ndarray, "m 3"], tuple[Pass, ...]]:
-    """Triangles of all passes, and the passes. With "auto" the radii grow until the border stops shrinking.
+    """Triangles of all passes, after the ``faces`` there already are, and the passes.
+
+    With "auto" the radii grow from ``spacing`` until the border stops shrinking.
 
     Raises ``InputError`` when no pass finds a triangle; it names a radius that would.
     """
-    faces = np.zeros((0, 3), np.int64)
+    faces = np.zeros((0, 3), np.int64) if faces is None else faces
     passes: list[Pass] = []
     wanted = ball_radii(spacing) if isinstance(radii, str) else check_radii(radii, spacing)
     for radius in wanted:
         grown = grow(points, normals, faces, radius)
         border = int((adjacency(grown).faces == 1).sum())
         made = Pass(radius, len(grown) - len(faces), border, border_length(points, grown))
-        if isinstance(radii, str) and len(faces) and made.border_length > STALLED * passes[-1].border_length:
+        if isinstance(radii, str) and passes and 0 < STALLED * passes[-1].border_length < made.border_length:
             break
         faces = grown
         passes.append(made)
