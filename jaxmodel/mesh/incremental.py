@@ -23,6 +23,7 @@ OPENED = 2.0
 ZONE = 5.0
 CANDIDATES = 8
 CRUMB = 100
+BESIDE = 4.0
 IN_REACH = 32  # points of one view within reach: about 24
 
 
@@ -30,7 +31,7 @@ class GrowingMesh(eqx.Module):
     """A mesh and what growing it needs, in the unit of its points.
 
     ``normals`` unit at each vertex; ``weight`` of the measured points its place is the mean of; ``distance`` that
-    vertices keep along the surface. Vertices may be without triangle: a later view can reach them.
+    vertices keep along the surface.
     """
 
     vertices: Float[np.ndarray, "n 3"]
@@ -42,9 +43,8 @@ class GrowingMesh(eqx.Module):
     def mesh(self, smallest_part: float = 0.0) -> ObjectMesh:
         """The triangles and the vertices they use, without components below a share ``smallest_part`` of the area."""
         faces = without_small_parts(self.vertices, self.faces, smallest_part)
-        used = np.zeros(len(self.vertices), bool)
-        used[faces] = True
-        return ObjectMesh(self.vertices[used], (np.cumsum(used) - 1)[faces])
+        kept = _without_idle(eqx.tree_at(lambda model: model.faces, self, faces))
+        return ObjectMesh(kept.vertices, kept.faces)
 
 
 class Growth(NamedTuple):
@@ -91,6 +91,7 @@ def add_view(
     view = prepare(points, normals, eyes)
     vertices, vertex_normals, weight = _averaged(model, view)
     fresh = ~_covered(view, vertices, vertex_normals, model.distance)
+    fresh[fresh] = ~_on_triangles(view.points[fresh], vertices, model.faces, model.distance)
     added = _new_vertices(view, fresh, model.distance)
     grown = GrowingMesh(
         vertices=np.concatenate([vertices, added.vertices]),
@@ -101,7 +102,7 @@ def add_view(
     )
     new = np.arange(len(grown.vertices)) >= len(vertices)
     again = np.append(weight > model.weight, new[len(vertices) :]) & open_vertices(grown.faces, len(new))
-    grown = _rolled(grown, new, again, view)
+    grown = _without_idle(_rolled(grown, new, again, view))
     return Growth(grown, int((~fresh).sum()), len(added.vertices), view.oriented.bad)
 
 
@@ -138,6 +139,32 @@ def _covered(view: Prepared, vertices: np.ndarray, normals: np.ndarray, distance
     return (found & (square > 2.0) & (np.abs(height) < distance) & (along < distance**2)).any(axis=1)
 
 
+def _on_triangles(
+    points: Float[np.ndarray, "f 3"], vertices: np.ndarray, faces: np.ndarray, distance: float
+) -> Bool[np.ndarray, " f"]:
+    """Points over a triangle rather than beyond the border: within the distance across, half of it along."""
+    import open3d as o3d
+
+    if len(points) == 0:
+        return np.zeros(0, bool)
+    gap, _ = cKDTree(points).query(vertices, distance_upper_bound=BESIDE * distance, workers=-1)
+    faces = faces[np.isfinite(gap)[faces].any(axis=1)]
+    if len(faces) == 0:
+        return np.zeros(len(points), bool)
+    centre = points.mean(axis=0)
+    scene = o3d.t.geometry.RaycastingScene()
+    corners = o3d.core.Tensor(np.ascontiguousarray((vertices - centre) / distance, np.float32))
+    scene.add_triangles(corners, o3d.core.Tensor(np.ascontiguousarray(faces, np.uint32)))
+    place = np.ascontiguousarray((points - centre) / distance, np.float32)
+    found = scene.compute_closest_points(o3d.core.Tensor(place))
+    chord = place - found["points"].numpy()
+    normals = found["primitive_normals"].numpy()
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    height = np.einsum("fa,fa->f", chord, normals)
+    along = np.linalg.norm(chord - height[:, None] * normals, axis=1)
+    return (along < 0.5) & (np.abs(height) < 1.0)
+
+
 def _new_vertices(view: Prepared, fresh: np.ndarray, distance: float) -> GrowingMesh:
     """The fresh points thinned, on the mean surface of the whole view."""
     points, normals = view.points[fresh], view.normals[fresh]
@@ -172,6 +199,14 @@ def _rolled(
     near = near_points(cKDTree(np.concatenate([view.points, vertices])), reach, vertices)
     faces = close(vertices, normals, faces, accept=near, fixed=fixed)
     return eqx.tree_at(lambda grown: grown.faces, model, np.concatenate([model.faces[~touched], rows[faces]]))
+
+
+def _without_idle(model: GrowingMesh) -> GrowingMesh:
+    """``model`` without the vertices no triangle uses."""
+    used = np.zeros(len(model.vertices), bool)
+    used[model.faces] = True
+    faces = (np.cumsum(used) - 1)[model.faces]
+    return GrowingMesh(model.vertices[used], model.normals[used], model.weight[used], faces, model.distance)
 
 
 def _opened(

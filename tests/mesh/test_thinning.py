@@ -7,6 +7,7 @@ from scipy.spatial import cKDTree
 from jaxmodel.mesh.projection import project
 from jaxmodel.mesh.radii import ball_radii, cloud_scale, thinning_distance, widest_gap
 from jaxmodel.mesh.thinning import thin
+from jaxmodel.scan.triangle_mesh import icosphere
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -45,11 +46,12 @@ def test_the_point_that_faces_its_sensor_is_taken() -> None:
 
 @pytest.mark.parametrize("radius", [1.0, 100.0])
 def test_projection_onto_a_sphere_does_not_shrink_it(radius: float) -> None:
-    normals = np.random.default_rng(1).normal(size=(4000, 3))
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = icosphere(4).vertices
     sites = normals[:200] * (1.02 * radius)
     onto = project(sites, normals[:200], radius * normals, normals, 0.3 * radius)
-    np.testing.assert_allclose(np.linalg.norm(onto.points, axis=1), radius, rtol=1e-4)
+    np.testing.assert_allclose(
+        np.linalg.norm(onto.points, axis=1), radius, rtol=1e-4
+    )  # a plane would shrink it by 1e-2
     assert (onto.weight > 0).all()
 
 
@@ -65,7 +67,7 @@ def test_scales_follow_their_definitions() -> None:
     assert scale.thickness == pytest.approx(1e-4, rel=0.15)
     assert list(ball_radii(2.0)) == sorted(ball_radii(2.0)) and ball_radii(2.0)[0] == 2.0
     points = plane(20_000)
-    inner = 0.1 + 0.8 * plane(100_000, 5)
+    inner = [0.1, 0.1, 0.0] + 0.8 * plane(100_000, 5)
     gap = cKDTree(points).query(inner)[0].max()
     assert 0.8 * gap < widest_gap(1 / np.sqrt(20_000), 20_000) < 1.3 * gap
 
@@ -73,5 +75,5 @@ def test_scales_follow_their_definitions() -> None:
 def test_only_stacked_layers_ask_for_thinning() -> None:
     points, up = plane(4000), np.tile(UP, (4000, 1))
     assert thinning_distance(points, up) == 0.0
-    layered = np.concatenate([points, points + [2e-3, 0, 4e-3]])
+    layered = np.concatenate([points, points + np.array([2e-3, 0, 4e-3])])
     assert thinning_distance(layered, np.concatenate([up, up])) >= 6 * 2e-3
