@@ -12,7 +12,7 @@ from jaxmodel.mesh.growth import rests
 from jaxmodel.mesh.manifold import clean, without_small_parts
 from jaxmodel.mesh.passes import Pass, Radii, run_passes
 from jaxmodel.mesh.prepare import Eyes, prepare
-from jaxmodel.mesh.radii import cloud_scale, thinning_distance, widest_gap
+from jaxmodel.mesh.radii import cloud_scale, first_radius, thinning_distance, widest_gap
 from jaxmodel.mesh.thinning import thin
 from jaxmodel.scan.triangle_mesh import ObjectMesh
 
@@ -95,10 +95,11 @@ def ball_pivoting(
         _, first = np.unique(kept, axis=0, return_index=True)
         first = np.sort(first)
         vertices, vertex_normals, weight, source = kept[first], kept_normals[first], np.ones(len(first)), good[first]
-    spacing = cloud_scale(vertices).spacing
+    scale = cloud_scale(vertices)
+    spacing = scale.spacing
     reach = max(spacing, widest_gap(cloud_scale(kept, tree).spacing, len(kept)))
     start = None if seeds is None else _seeds(vertices, vertex_normals, source, seeds, len(points), spacing)
-    faces, passes = run_passes(vertices, vertex_normals, radii, spacing, start)
+    faces, passes = run_passes(vertices, vertex_normals, radii, spacing, start, first_radius(scale))
     pivoted = len(faces)
     accept = near_points(tree, reach, vertices)
     faces = close(vertices, vertex_normals, faces, accept=accept if closing else lambda patch: False)

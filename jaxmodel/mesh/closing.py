@@ -2,7 +2,7 @@
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from jaxmodel.mesh.adjacency import adjacency
 from jaxmodel.mesh.holes import MOST_EDGES, Accept, close_holes, patch_over, ring_outline
@@ -12,7 +12,7 @@ RINGS = 3
 WIDEN = 50  # edges of the largest hole whose surroundings may give way
 
 
-def near_points(tree: cKDTree, reach: float, vertices: Float[np.ndarray, "n 3"]) -> Accept:
+def near_points(tree: KDTree, reach: float, vertices: Float[np.ndarray, "n 3"]) -> Accept:
     """Takes a patch if the middles of all its triangles and sides are within ``reach`` of a measured point."""
 
     def accept(patch: Int[np.ndarray, "k 3"]) -> bool:

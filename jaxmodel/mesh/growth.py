@@ -2,7 +2,7 @@
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from jaxmodel.mesh.adjacency import adjacency
 
@@ -30,7 +30,7 @@ def grow(
     if loose.all():
         near = np.arange(len(points))
     else:
-        gap, _ = cKDTree(points[loose]).query(points, distance_upper_bound=ZONE * radius, workers=-1)
+        gap, _ = KDTree(points[loose]).query(points, distance_upper_bound=ZONE * radius, workers=-1)
         near = np.flatnonzero(np.isfinite(gap))
     found = near[pivot(points[near], normals[near], radius)]
     return weld(faces, found, loose)
@@ -103,5 +103,5 @@ def rests(
     side = np.sign(np.einsum("ma,ma->m", cross, normals[faces].sum(axis=1)))
     up = cross / np.sqrt(square)[:, None] * side[:, None]
     centre = a + offset + np.sqrt(np.maximum(height, 0.0))[:, None] * up
-    gap, _ = cKDTree(points).query(centre, workers=-1)
+    gap, _ = KDTree(points).query(centre, workers=-1)
     return ~flat & (height > 0) & (gap > (1 - HAIR) * radius)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from jaxmodel.mesh.adjacency import adjacency, face_components
 from jaxmodel.mesh.ball_pivoting import ball_pivoting
@@ -125,7 +125,7 @@ def _averaged(
 
 def _covered(view: Prepared, vertices: np.ndarray, normals: np.ndarray, distance: float) -> Bool[np.ndarray, " g"]:
     """Points of the view that belong to the group of a vertex, as in the thinning."""
-    gap, index = cKDTree(vertices).query(
+    gap, index = KDTree(vertices).query(
         view.points, k=min(CANDIDATES, len(vertices)), distance_upper_bound=np.sqrt(2) * distance, workers=-1
     )
     gap, index = gap.reshape(len(view.points), -1), index.reshape(len(view.points), -1)
@@ -147,7 +147,7 @@ def _on_triangles(
 
     if len(points) == 0:
         return np.zeros(0, bool)
-    gap, _ = cKDTree(points).query(vertices, distance_upper_bound=BESIDE * distance, workers=-1)
+    gap, _ = KDTree(points).query(vertices, distance_upper_bound=BESIDE * distance, workers=-1)
     faces = faces[np.isfinite(gap)[faces].any(axis=1)]
     if len(faces) == 0:
         return np.zeros(len(points), bool)
@@ -180,9 +180,7 @@ def _rolled(
     """``model`` with the triangles its ``new`` vertices and the open ones seen ``again`` allow, all else as it was."""
     if not again.any():
         return model
-    gap, _ = cKDTree(model.vertices[again]).query(
-        model.vertices, distance_upper_bound=ZONE * model.distance, workers=-1
-    )
+    gap, _ = KDTree(model.vertices[again]).query(model.vertices, distance_upper_bound=ZONE * model.distance, workers=-1)
     touched = np.isfinite(gap)[model.faces].any(axis=1)
     zone = np.isfinite(gap)
     zone[model.faces[touched]] = True
@@ -196,7 +194,7 @@ def _rolled(
         faces = grow(vertices, normals, faces, radius, fixed)
     faces = _without_crumbs(faces, fixed)
     reach = max(spacing, widest_gap(cloud_scale(view.points, view.tree).spacing, len(view.points)))
-    near = near_points(cKDTree(np.concatenate([view.points, vertices])), reach, vertices)
+    near = near_points(KDTree(np.concatenate([view.points, vertices])), reach, vertices)
     faces = close(vertices, normals, faces, accept=near, fixed=fixed)
     return eqx.tree_at(lambda grown: grown.faces, model, np.concatenate([model.faces[~touched], rows[faces]]))
 
@@ -215,7 +213,7 @@ def _opened(
     """``faces`` without the ragged ones: at the border, within ``distance`` of a new vertex."""
     if not new.any():
         return faces
-    gap, _ = cKDTree(vertices[new]).query(vertices, distance_upper_bound=distance)
+    gap, _ = KDTree(vertices[new]).query(vertices, distance_upper_bound=distance)
     ragged = open_vertices(faces, len(vertices)) & ~fixed & np.isfinite(gap)
     return faces[~ragged[faces].any(axis=1) | fixed[faces].any(axis=1)]
 

@@ -90,7 +90,7 @@ def _in_lesser_fans(faces: Int[np.ndarray, "m 3"], fixed: Bool[np.ndarray, " n"]
     small[order[lesser]] = True
     if fixed is not None:
         small &= ~fixed[vertex_of]
-    return small[fan].reshape(-1, 3).any(axis=1)
+    return np.asarray(small[fan].reshape(-1, 3).any(axis=1))
 
 
 def fans(faces: Int[np.ndarray, "m 3"]) -> Int[np.ndarray, " c"]:

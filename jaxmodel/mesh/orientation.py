@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from jaxmodel.errors import InputError
 from jaxmodel.scan.estimate import estimate_normals
@@ -34,7 +34,7 @@ def orient(
     points: Float[np.ndarray, "n 3"],
     normals: Float[np.ndarray, "m 3"] | None = None,
     toward: Float[np.ndarray, "n 3"] | None = None,
-    tree: cKDTree | None = None,
+    tree: KDTree | None = None,
 ) -> Oriented:
     """``normals`` checked against their neighbours and turned to one side; estimated when there are none.
 
@@ -57,7 +57,7 @@ def orient(
         )
     unit = np.where(good[:, None], given, 0.0) / np.where(good, length, 1.0)[:, None]
     before = unit.copy()
-    tree = cKDTree(points) if tree is None else tree
+    tree = tree or KDTree(points)
     near, cosine = _agreement(points, unit, tree)
     good &= ~_stray(cosine, near)
     unit[~good] = 0.0
@@ -75,7 +75,7 @@ def orient(
 
 
 def _agreement(
-    points: np.ndarray, unit: np.ndarray, tree: cKDTree
+    points: np.ndarray, unit: np.ndarray, tree: KDTree
 ) -> tuple[Bool[np.ndarray, "n k"], Float[np.ndarray, "n k"]]:
     """Which of each point's nearest others have a normal, and its cosine with the point's own."""
     _, index = tree.query(points, k=min(NEIGHBOURS + 1, len(points)), workers=-1)
@@ -95,7 +95,7 @@ def _stray(cosine: np.ndarray, near: np.ndarray) -> Bool[np.ndarray, " n"]:
             f"Only {share:.0%} of neighbouring normals are within 45° of each other, {1 - STRAY:.0%} for random "
             "directions. Expected normals of one surface, or none at all, and they are estimated."
         )
-    return near.any(axis=1) & ~along.any(axis=1)
+    return np.asarray(near.any(axis=1) & ~along.any(axis=1))
 
 
 def _one_side(

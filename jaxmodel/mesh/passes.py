@@ -32,16 +32,17 @@ def run_passes(
     radii: Radii,
     spacing: float,
     faces: Int[np.ndarray, "s 3"] | None = None,
+    first: float | None = None,
 ) -> tuple[Int[np.ndarray, "m 3"], tuple[Pass, ...]]:
     """Triangles of all passes, after the ``faces`` there already are, and the passes.
 
-    With "auto" the radii grow from ``spacing`` until the border stops shrinking.
+    With "auto" the radii grow from ``first``, else from ``spacing``, until the border stops shrinking.
 
     Raises ``InputError`` when no pass finds a triangle; it names a radius that would.
     """
     faces = np.zeros((0, 3), np.int64) if faces is None else faces
     passes: list[Pass] = []
-    wanted = ball_radii(spacing) if isinstance(radii, str) else check_radii(radii, spacing)
+    wanted = ball_radii(spacing if first is None else first) if isinstance(radii, str) else check_radii(radii, spacing)
     for radius in wanted:
         grown = grow(points, normals, faces, radius)
         border = int((adjacency(grown).faces == 1).sum())

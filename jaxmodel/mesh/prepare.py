@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from jaxmodel.errors import InputError
 from jaxmodel.mesh.orientation import Oriented, orient
@@ -20,7 +20,7 @@ class Prepared(NamedTuple):
     normals: Float[np.ndarray, "g 3"]
     toward: Float[np.ndarray, "g 3"] | None
     rows: Int[np.ndarray, " g"]
-    tree: cKDTree
+    tree: KDTree
     oriented: Oriented
 
 
@@ -36,12 +36,12 @@ def prepare(
     if spread[1] < 1e-6 * spread[0]:
         raise InputError(f"All {len(points)} points lie on one line: there is no surface through them.")
     toward = None if eyes is None else _toward(points, eyes)
-    tree = cKDTree(points)
+    tree = KDTree(points)
     oriented = orient(points, normals, toward, tree)
     good = np.ones(len(points), bool)
     good[oriented.bad] = False
     if len(oriented.bad):
-        tree = cKDTree(points[good])
+        tree = KDTree(points[good])
     return Prepared(
         points[good],
         oriented.normals[good],

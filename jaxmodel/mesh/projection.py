@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 STEPS = 2
 NEIGHBOURS = 64
@@ -25,7 +25,7 @@ def project(
     points: Float[np.ndarray, "n 3"],
     normals: Float[np.ndarray, "n 3"],
     reach: float,
-    tree: cKDTree | None = None,
+    tree: KDTree | None = None,
     neighbours: int = NEIGHBOURS,
 ) -> Projected:
     """``sites`` moved along their normals onto the weighted mean surface of the nearest ``points`` within ``reach``.
@@ -34,7 +34,7 @@ def project(
     exact on planes and on spheres: repeated projection does not shrink the surface. A site without a point in reach
     stays, with weight 0.
     """
-    tree = cKDTree(points) if tree is None else tree
+    tree = tree or KDTree(points)
     moved, mean, support = sites.copy(), site_normals.copy(), np.zeros(len(sites))
     for start in range(0, len(sites), BLOCK):
         rows = slice(start, start + BLOCK)

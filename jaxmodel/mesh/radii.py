@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from jaxmodel.errors import InputError
 
@@ -14,6 +14,7 @@ NEIGHBOURS = 16
 GROWTH = 1.5
 PASSES = 4
 STEEP = 0.4
+SCATTERED = 0.65  # 0.47 for points scattered by chance, 0.78 after thinning, 1 for a square grid
 STACKED_SHARE = 0.1
 LARGEST = 10.0  # in spacings: such a ball has about 300 points under it, and pivoting it costs their square
 PER_SPACING = 2.0
@@ -23,17 +24,18 @@ PER_THICKNESS = 6.0
 class CloudScale(NamedTuple):
     """Lengths of a cloud, in its unit.
 
-    ``spacing`` the edge of the square each point has to itself; ``thickness`` the standard deviation of the points
-    about their own sheet: noise and the offsets between views.
+    ``spacing`` the edge of the square each point has to itself; ``nearest`` the distance to the nearest other point;
+    ``thickness`` the standard deviation of the points about their own sheet: noise and the offsets between views.
     """
 
     spacing: float
+    nearest: float
     thickness: float
 
 
-def cloud_scale(points: Float[np.ndarray, "n 3"], tree: cKDTree | None = None) -> CloudScale:
+def cloud_scale(points: Float[np.ndarray, "n 3"], tree: KDTree | None = None) -> CloudScale:
     """Median lengths over up to 4096 points, from planes through their 16 nearest (fewer in a small cloud)."""
-    tree = cKDTree(points) if tree is None else tree
+    tree = tree or KDTree(points)
     probes = points[:: max(1, len(points) // PROBES)]
     count = min(NEIGHBOURS, len(points))
     distance, index = tree.query(probes, k=count, workers=-1)
@@ -42,19 +44,20 @@ def cloud_scale(points: Float[np.ndarray, "n 3"], tree: cKDTree | None = None) -
     spread = np.linalg.eigvalsh(np.einsum("nka,nkb->nab", near, near) / max(count - 3, 1))
     return CloudScale(
         spacing=float(np.median(distance[:, -1])) * float(np.sqrt(np.pi / count)),
+        nearest=float(np.median(distance[:, 1])),
         thickness=float(np.sqrt(max(np.median(spread[:, 0]), 0.0))),
     )
 
 
 def thinning_distance(
-    points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"], tree: cKDTree | None = None
+    points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"], tree: KDTree | None = None
 ) -> float:
     """The distance to leave between points where layers overlap, 0 where the cloud is one sheet already.
 
     Layers overlap when a tenth of the points have their nearest neighbour above or below rather than beside: at a
     slope over 0.4 against the mean of both normals. Noise of a single scan, and curvature, stay well under that.
     """
-    tree = cKDTree(points) if tree is None else tree
+    tree = tree or KDTree(points)
     probes = np.arange(0, len(points), max(1, len(points) // PROBES))
     _, index = tree.query(points[probes], k=2, workers=-1)
     other = np.where(index[:, 1] == probes, index[:, 0], index[:, 1])
@@ -63,7 +66,7 @@ def thinning_distance(
     slope = np.abs(np.einsum("na,na->n", chord, both)) / np.where(size > 0, size, 1.0)
     if np.quantile(slope, 1 - STACKED_SHARE) <= STEEP:
         return 0.0
-    spacing, thickness = cloud_scale(points, tree)
+    spacing, _, thickness = cloud_scale(points, tree)
     return max(PER_SPACING * spacing, PER_THICKNESS * thickness)
 
 
@@ -73,6 +76,15 @@ def widest_gap(spacing: float, count: int) -> float:
     A circle of radius ``r`` is empty with probability ``exp(-pi r² / spacing²)``: at this radius one of ``count`` is.
     """
     return spacing * float(np.sqrt(np.log(max(count, 3)) / np.pi))
+
+
+def first_radius(scale: CloudScale) -> float:
+    """The smallest ball worth rolling: the spacing, or the next one up where points are scattered by chance.
+
+    The circles through three neighbours of scattered points (``nearest`` is half the spacing) are as large as the
+    spacing or larger for a fifth of the triangles: a first pass would leave its border everywhere.
+    """
+    return scale.spacing if scale.nearest > SCATTERED * scale.spacing else GROWTH * scale.spacing
 
 
 def ball_radii(spacing: float) -> tuple[float, ...]:

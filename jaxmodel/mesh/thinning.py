@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from jaxmodel.mesh.projection import project
 
@@ -29,7 +29,7 @@ def thin(
     normals: Float[np.ndarray, "n 3"],
     distance: float,
     toward: Float[np.ndarray, "n 3"] | None = None,
-    tree: cKDTree | None = None,
+    tree: KDTree | None = None,
     seed: int = 0,
 ) -> Sheet:
     """The best point of each group of radius ``distance``, projected on the mean surface of the points around it.
@@ -39,7 +39,7 @@ def thin(
     the group's mean surface, with the normal nearest to the mean normal and, given the unit directions ``toward``
     the sensor, the one that faces it most squarely. Linear in points, without a loop over them.
     """
-    tree = cKDTree(points) if tree is None else tree
+    tree = tree or KDTree(points)
     pairs, offset = _groups(points, normals, distance, tree)
     order = _order(points, normals, pairs, offset, distance, toward, seed)
     source = _independent(len(points), pairs, order)
@@ -48,7 +48,7 @@ def thin(
 
 
 def _groups(
-    points: np.ndarray, normals: np.ndarray, distance: float, tree: cKDTree
+    points: np.ndarray, normals: np.ndarray, distance: float, tree: KDTree
 ) -> tuple[Int[np.ndarray, "p 2"], Float[np.ndarray, " p"]]:
     """Pairs of one group, and the second's height over the first along their mean normal."""
     pairs = tree.query_pairs(np.sqrt(2) * distance, output_type="ndarray")

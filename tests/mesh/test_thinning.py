@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from jaxmodel.mesh.projection import project
 from jaxmodel.mesh.radii import ball_radii, cloud_scale, thinning_distance, widest_gap
@@ -19,8 +19,8 @@ def plane(count: int, seed: int = 0) -> np.ndarray:
 def test_kept_points_are_apart_and_every_point_is_near_one() -> None:
     points = plane(5000)
     sheet = thin(points, np.tile(UP, (5000, 1)), 0.03)
-    assert cKDTree(sheet.points).query(sheet.points, k=2)[0][:, 1].min() >= 0.03
-    assert cKDTree(sheet.points).query(points)[0].max() < 0.03
+    assert KDTree(sheet.points).query(sheet.points, k=2)[0][:, 1].min() >= 0.03
+    assert KDTree(sheet.points).query(points)[0].max() < 0.03
     np.testing.assert_allclose(sheet.points, points[sheet.source], atol=1e-12)
 
 
@@ -68,7 +68,7 @@ def test_scales_follow_their_definitions() -> None:
     assert list(ball_radii(2.0)) == sorted(ball_radii(2.0)) and ball_radii(2.0)[0] == 2.0
     points = plane(20_000)
     inner = [0.1, 0.1, 0.0] + 0.8 * plane(100_000, 5)
-    gap = cKDTree(points).query(inner)[0].max()
+    gap = KDTree(points).query(inner)[0].max()
     assert 0.8 * gap < widest_gap(1 / np.sqrt(20_000), 20_000) < 1.3 * gap
 
 
