@@ -79,7 +79,7 @@ def _agreement(
 ) -> tuple[Bool[np.ndarray, "n k"], Float[np.ndarray, "n k"]]:
     """Which of each point's nearest others have a normal, and its cosine with the point's own."""
     _, index = tree.query(points, k=min(NEIGHBOURS + 1, len(points)), workers=-1)
-    index = index[:, 1:]
+    index = np.asarray(index)[:, 1:]
     near = np.any(unit != 0, axis=1)[index] & np.any(unit != 0, axis=1)[:, None]
     return near, np.einsum("nka,na->nk", unit[index], unit)
 

@@ -39,7 +39,7 @@ def project(
     for start in range(0, len(sites), BLOCK):
         rows = slice(start, start + BLOCK)
         _, index = tree.query(sites[rows], k=min(neighbours, len(points)), distance_upper_bound=reach, workers=-1)
-        index = index.reshape(len(index), -1)
+        index = np.asarray(index).reshape(len(sites[rows]), -1)
         absent = index == len(points)
         index = np.where(absent, 0, index)
         q, n = points[index], normals[index]

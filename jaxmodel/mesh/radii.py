@@ -60,6 +60,7 @@ def thinning_distance(
     tree = tree or KDTree(points)
     probes = np.arange(0, len(points), max(1, len(points) // PROBES))
     _, index = tree.query(points[probes], k=2, workers=-1)
+    index = np.asarray(index)
     other = np.where(index[:, 1] == probes, index[:, 0], index[:, 1])
     chord, both = points[other] - points[probes], normals[other] + normals[probes]
     size = np.linalg.norm(chord, axis=1) * np.linalg.norm(both, axis=1)
