@@ -4,10 +4,11 @@ from typing import Literal
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
+from scipy.spatial import KDTree
 
 from jaxmodel.errors import InputError
-from jaxmodel.mesh.closing import close, near_points
+from jaxmodel.mesh.closing import along_points, close, near_points
 from jaxmodel.mesh.growth import rests
 from jaxmodel.mesh.manifold import clean, without_small_parts
 from jaxmodel.mesh.passes import Pass, Radii, run_passes
@@ -94,12 +95,18 @@ def ball_pivoting(
     else:
         _, first = np.unique(kept, axis=0, return_index=True)
         first = np.sort(first)
-        vertices, vertex_normals, weight, source = kept[first], kept_normals[first], np.ones(len(first)), good[first]
+        kept, kept_normals, good = kept[first], kept_normals[first], good[first]
+        tree = KDTree(kept)
+        vertices, vertex_normals, weight, source = kept, kept_normals, np.ones(len(kept)), good
     scale = cloud_scale(vertices)
     spacing = scale.spacing
     reach = max(spacing, widest_gap(cloud_scale(kept, tree).spacing, len(kept)))
+
+    def seen(faces: Int[np.ndarray, "f 3"]) -> Bool[np.ndarray, " f"]:
+        return along_points(tree, reach, vertices, faces)
+
     start = None if seeds is None else _seeds(vertices, vertex_normals, source, seeds, len(points), spacing)
-    faces, passes = run_passes(vertices, vertex_normals, radii, spacing, start, first_radius(scale))
+    faces, passes = run_passes(vertices, vertex_normals, radii, spacing, start, first_radius(scale), seen)
     pivoted = len(faces)
     accept = near_points(tree, reach, vertices)
     faces = close(vertices, vertex_normals, faces, accept=accept if closing else lambda patch: False)

@@ -14,14 +14,17 @@ WIDEN = 50  # edges of the largest hole whose surroundings may give way
 
 def near_points(tree: KDTree, reach: float, vertices: Float[np.ndarray, "n 3"]) -> Accept:
     """Takes a patch if the middles of all its triangles and sides are within ``reach`` of a measured point."""
+    return lambda patch: bool(along_points(tree, reach, vertices, patch).all())
 
-    def accept(patch: Int[np.ndarray, "k 3"]) -> bool:
-        corners = vertices[patch]
-        middles = (corners + corners[:, [1, 2, 0]]).reshape(-1, 3) / 2
-        gap, _ = tree.query(np.concatenate([corners.mean(axis=1), middles]), distance_upper_bound=reach)
-        return bool(np.isfinite(gap).all())
 
-    return accept
+def along_points(
+    tree: KDTree, reach: float, vertices: Float[np.ndarray, "n 3"], faces: Int[np.ndarray, "k 3"]
+) -> Bool[np.ndarray, " k"]:
+    """Triangles whose middle and whose sides' middles are all within ``reach`` of a measured point."""
+    corners = vertices[faces]
+    middles = np.concatenate([corners.mean(axis=1, keepdims=True), (corners + corners[:, [1, 2, 0]]) / 2], axis=1)
+    gap, _ = tree.query(middles, distance_upper_bound=reach)
+    return np.asarray(np.isfinite(gap).all(axis=1))
 
 
 def close(

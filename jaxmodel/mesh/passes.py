@@ -1,10 +1,10 @@
 """Passes of the ball with growing radii, each on what the one before left open (thesis §3.3.7, the pass tables)."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from jaxmodel.errors import InputError
 from jaxmodel.mesh.adjacency import adjacency
@@ -33,11 +33,12 @@ def run_passes(
     spacing: float,
     faces: Int[np.ndarray, "s 3"] | None = None,
     first: float | None = None,
+    seen: Callable[[Int[np.ndarray, "k 3"]], Bool[np.ndarray, " k"]] | None = None,
 ) -> tuple[Int[np.ndarray, "m 3"], tuple[Pass, ...]]:
     """Triangles of all passes, after the ``faces`` there already are, and the passes.
 
-    With "auto" the radii grow from ``first``, else from ``spacing``, until the border stops shrinking.
-
+    With "auto" the radii grow from ``first``, else from ``spacing``, until the border stops shrinking,
+    and a ball larger than the first keeps only the triangles that are ``seen``: it could bridge what no scan saw.
     Raises ``InputError`` when no pass finds a triangle; it names a radius that would.
     """
     faces = np.zeros((0, 3), np.int64) if faces is None else faces
@@ -45,6 +46,9 @@ def run_passes(
     wanted = ball_radii(spacing if first is None else first) if isinstance(radii, str) else check_radii(radii, spacing)
     for radius in wanted:
         grown = grow(points, normals, faces, radius)
+        if isinstance(radii, str) and seen is not None and passes:
+            found = grown[len(faces) :]
+            grown = np.concatenate([faces, found[seen(found)]])
         border = int((adjacency(grown).faces == 1).sum())
         made = Pass(radius, len(grown) - len(faces), border, border_length(points, grown))
         if isinstance(radii, str) and passes and 0 < STALLED * passes[-1].border_length < made.border_length:
