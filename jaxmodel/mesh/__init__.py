@@ -1,0 +1,1 @@
+"""Meshes from points: ball pivoting, segmentation, growth by views, and the rivals."""
