@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial import cKDTree
 
 from jaxmodel.errors import InputError
 from jaxmodel.mesh.adjacency import face_vectors
@@ -81,3 +82,8 @@ def _summary(distance: Float[np.ndarray, " s"]) -> OneWay:
         float(np.quantile(distance, 0.95)),
         float(distance.max()),
     )
+
+
+def distance_to_points(queries: Float[np.ndarray, "s 3"], points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " s"]:
+    """Distance of each query from the nearest point."""
+    return np.asarray(cKDTree(points).query(queries, workers=-1)[0])

@@ -1,0 +1,59 @@
+"""Passes of the ball with growing radii, each on what the one before left open (thesis §3.3.7, the pass tables)."""
+
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from jaxmodel.errors import InputError
+from jaxmodel.mesh.adjacency import adjacency
+from jaxmodel.mesh.closing import border_length
+from jaxmodel.mesh.growth import grow, pivot
+from jaxmodel.mesh.radii import ball_radii, check_radii
+
+Radii = Sequence[float] | Literal["auto"]
+
+STALLED = 0.97  # a pass that leaves more than this share of the border is not worth its triangles
+
+
+class Pass(NamedTuple):
+    """One pass of the ball: its radius, the triangles it found, and the border it left (edges, length)."""
+
+    radius: float
+    triangles: int
+    border_edges: int
+    border_length: float
+
+
+def run_passes(
+    points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"], radii: Radii, spacing: float
+) -> tuple[Int[np.ndarray, "m 3"], tuple[Pass, ...]]:
+    """Triangles of all passes, and the passes. With "auto" the radii grow until the border stops shrinking.
+
+    Raises ``InputError`` when no pass finds a triangle; it names a radius that would.
+    """
+    faces = np.zeros((0, 3), np.int64)
+    passes: list[Pass] = []
+    wanted = ball_radii(spacing) if isinstance(radii, str) else check_radii(radii, points, spacing)
+    for radius in wanted:
+        grown = grow(points, normals, faces, radius)
+        border = int((adjacency(grown).faces == 1).sum())
+        made = Pass(radius, len(grown) - len(faces), border, border_length(points, grown))
+        if isinstance(radii, str) and len(faces) and made.border_length > STALLED * passes[-1].border_length:
+            break
+        faces = grown
+        passes.append(made)
+        if len(faces) and border == 0 and len(np.unique(faces)) == len(points):
+            break
+    if len(faces) == 0:
+        raise InputError(_no_seed(points, normals, wanted, spacing))
+    return faces, tuple(passes)
+
+
+def _no_seed(points: np.ndarray, normals: np.ndarray, tried: Sequence[float], spacing: float) -> str:
+    what = f"No ball of radius {', '.join(f'{radius:.4g}' for radius in tried)} rests on three points"
+    for radius in ball_radii(spacing):
+        if len(pivot(points, normals, radius)):
+            return f"{what}: they are about {spacing:.4g} apart, and a radius of {radius:.4g} would do."
+    return f"{what}, nor does any larger one: {len(points)} points about {spacing:.4g} apart are too few for a surface."
