@@ -206,7 +206,9 @@ def _run(
         pull = _closest(table, cloud, place) - place
         within = jnp.sqrt(jnp.sum(pull**2, axis=0)) < options.reach * edge
         length = sum(jnp.sqrt(jnp.sum(spoke**2, axis=0)) for spoke in spokes) / 6.0
-        return springs + jnp.where(within, options.attraction * pull, options.pressure * outwards * jnp.minimum(length, edge) * normal)
+        return springs + jnp.where(
+            within, options.attraction * pull, options.pressure * outwards * jnp.minimum(length, edge) * normal
+        )
 
     def step(state: _State) -> _State:
         speed = (1.0 - options.damping) * state.speed + forces(state.place)

@@ -39,9 +39,7 @@ class SurfaceDistance(NamedTuple):
         return max(self.there.largest, self.back.largest)
 
 
-def surface_distance(
-    mesh: ObjectMesh, reference: ObjectMesh, samples: int = SAMPLES, seed: int = 0
-) -> SurfaceDistance:
+def surface_distance(mesh: ObjectMesh, reference: ObjectMesh, samples: int = SAMPLES, seed: int = 0) -> SurfaceDistance:
     """Distances from ``samples`` points of each surface, spread evenly by area, to the other surface."""
     for name, given in (("mesh", mesh), ("reference", reference)):
         if len(given.faces) == 0:

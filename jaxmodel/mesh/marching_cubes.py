@@ -3,7 +3,7 @@
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from jaxmodel.errors import InputError
 from jaxmodel.mesh.cloud_input import checked_cloud
@@ -45,8 +45,14 @@ def marching_cubes(
     good = np.any(oriented.normals != 0, axis=1)
     field = signed_distance(points[good], oriented.normals[good], grid_of(points, edge), reach_cells * edge)
     try:
-        vertices, faces, _, _ = measure.marching_cubes(field.value, 0.0, mask=field.known, allow_degenerate=False)
+        vertices, faces, _, _ = measure.marching_cubes(field.value, 0.0, mask=_whole_cubes(field.known))
     except (ValueError, RuntimeError) as error:
         raise InputError(f"No surface crosses a grid of cell {edge:g}: expected a smaller cell ({error}).") from None
-    # skimage orders triangles for an inside that is larger; ours is smaller than 0
-    return ObjectMesh(field.grid.origin + (vertices + 0.5) * edge, faces.astype(np.int64)[:, ::-1])
+    return ObjectMesh(field.grid.origin + (vertices + 0.5) * edge, faces.astype(np.int64))
+
+
+def _whole_cubes(known: Bool[np.ndarray, "i j k"]) -> Bool[np.ndarray, "i j k"]:
+    """The cubes all of whose eight corners are known, at the place where skimage asks: their far corner."""
+    whole = np.zeros_like(known)
+    whole[1:, 1:, 1:] = np.lib.stride_tricks.sliding_window_view(known, (2, 2, 2)).all(axis=(3, 4, 5))
+    return whole

@@ -18,12 +18,12 @@ def poisson(
     depth: int | None = None,
     trim_spacings: float | None = 6.0,
 ) -> ObjectMesh:
-    """A smooth mesh, closed by itself and then opened where it is further than ``trim_spacings`` from any point.
+    """A smooth mesh that spans gaps, opened where it is further than ``trim_spacings`` from any point.
 
     Args:
         points, normals: the cloud; normals point outwards, and are estimated where none are given.
         depth: of the octree; by default such that its finest cell is about the cloud's spacing.
-        trim_spacings: in spacings of the cloud; None leaves the surface closed.
+        trim_spacings: in spacings of the cloud; None keeps all of it (open only where it leaves the cloud's box).
 
     Raises:
         InputError: an unusable cloud (see ``orient``) or a depth outside 2 to 12.
