@@ -5,7 +5,7 @@ from typing import Literal
 import equinox as eqx
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from jaxmodel.errors import InputError
 from jaxmodel.mesh.closing import close, near_points
@@ -87,11 +87,11 @@ def ball_pivoting(
     points = check_points(points).astype(np.float64)
     _check_extent(points)
     toward = None if eyes is None else _toward(points, eyes)
-    tree = cKDTree(points)
+    tree = KDTree(points)
     oriented = orient(points, normals, toward, tree)
     good = np.setdiff1d(np.arange(len(points)), oriented.bad)
     if len(oriented.bad):
-        tree = cKDTree(points[good])
+        tree = KDTree(points[good])
     kept, kept_normals = points[good], oriented.normals[good]
     distance = thinning_distance(kept, tree) if thinning == "auto" else float(thinning or 0.0)
     if distance > 0:

@@ -2,7 +2,7 @@
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from jaxmodel.mesh.adjacency import adjacency
 from jaxmodel.mesh.holes import MOST_EDGES, Accept, close_holes
@@ -11,7 +11,7 @@ from jaxmodel.mesh.manifold import clean
 ROUNDS = 4
 
 
-def near_points(tree: cKDTree, reach: float, vertices: Float[np.ndarray, "n 3"]) -> Accept:
+def near_points(tree: KDTree, reach: float, vertices: Float[np.ndarray, "n 3"]) -> Accept:
     """Takes a patch if the middles of all its triangles and sides are within ``reach`` of a measured point."""
 
     def accept(patch: Int[np.ndarray, "k 3"]) -> bool:

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from jaxmodel.errors import InputError
 from jaxmodel.mesh.adjacency import face_vectors
@@ -84,4 +84,4 @@ def _summary(distance: Float[np.ndarray, " s"]) -> OneWay:
 
 def distance_to_points(queries: Float[np.ndarray, "s 3"], points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " s"]:
     """Distance of each query from the nearest point."""
-    return np.asarray(cKDTree(points).query(queries, workers=-1)[0])
+    return np.asarray(KDTree(points).query(queries, workers=-1)[0])

@@ -2,7 +2,7 @@
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from jaxmodel.mesh.adjacency import adjacency
 
@@ -29,7 +29,7 @@ def grow(
     if loose.all():
         near = np.arange(len(points))
     else:
-        gap, _ = cKDTree(points[loose]).query(points, distance_upper_bound=ZONE * radius, workers=-1)
+        gap, _ = KDTree(points[loose]).query(points, distance_upper_bound=ZONE * radius, workers=-1)
         near = np.flatnonzero(np.isfinite(gap))
     found = near[pivot(points[near], normals[near], radius)]
     return weld(faces, found, len(points))

@@ -26,7 +26,7 @@ def marching_cubes(
     Args:
         points, normals: the cloud; normals point outwards, and are estimated where none are given.
         cell: edge of a voxel in the cloud's unit; ``auto`` is twice the cloud's spacing.
-        reach_cells: how far from the points the distance is known; more than sqrt(3), or every cube has an unknown node.
+        reach_cells: how far from the points the distance is known; below sqrt(3) every cube has an unknown node.
 
     Raises:
         InputError: an unusable cloud (see ``orient``), a cell that is not positive or so small that the grid would not

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from jaxmodel.errors import InputError
 from jaxmodel.scan.estimate import estimate_normals
@@ -34,14 +34,14 @@ def orient(
     points: Float[np.ndarray, "n 3"],
     normals: Float[np.ndarray, "n 3"] | None = None,
     toward: Float[np.ndarray, "n 3"] | None = None,
-    tree: cKDTree | None = None,
+    tree: KDTree | None = None,
 ) -> Oriented:
     """``normals`` checked against their neighbours and turned to one side; estimated when there are none.
 
-    The side is that of the sensor where its directions ``toward`` are known; else the given signs where they
-    agree among neighbours, single points turned to the majority; else, and where normals are estimated, one propagated
-    through the cloud (Open3D, tangent planes; Hoppe et al., 1992), the sign that turns fewest. Raises ``InputError`` when most normals are zero or
-    not finite, or when they have no direction in common with their neighbours'.
+    The side is that of the sensor where its directions ``toward`` are known; else the given signs where they agree
+    among neighbours, single points turned to the majority; else, and where normals are estimated, one propagated
+    through the cloud (Open3D, tangent planes; Hoppe et al., 1992), the sign that turns fewest. Raises ``InputError``
+    when most normals are zero or not finite, or when they have no direction in common with their neighbours'.
     """
     estimated = normals is None
     given = estimate_normals(points, NEIGHBOURS) if normals is None else np.asarray(normals, np.float64)
@@ -57,7 +57,7 @@ def orient(
         )
     unit = np.where(good[:, None], given, 0.0) / np.where(good, length, 1.0)[:, None]
     before = unit.copy()
-    tree = cKDTree(points) if tree is None else tree
+    tree = KDTree(points) if tree is None else tree
     near, cosine = _agreement(points, unit, tree)
     good &= ~_stray(cosine, near)
     unit[~good] = 0.0
@@ -75,7 +75,7 @@ def orient(
 
 
 def _agreement(
-    points: np.ndarray, unit: np.ndarray, tree: cKDTree
+    points: np.ndarray, unit: np.ndarray, tree: KDTree
 ) -> tuple[Bool[np.ndarray, "n k"], Float[np.ndarray, "n k"]]:
     """Which of each point's nearest others have a normal, and its cosine with the point's own."""
     _, index = tree.query(points, k=min(NEIGHBOURS + 1, len(points)), workers=-1)

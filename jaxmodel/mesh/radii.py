@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from jaxmodel.errors import InputError
 
@@ -30,9 +30,9 @@ class CloudScale(NamedTuple):
     thickness: float
 
 
-def cloud_scale(points: Float[np.ndarray, "n 3"], tree: cKDTree | None = None) -> CloudScale:
+def cloud_scale(points: Float[np.ndarray, "n 3"], tree: KDTree | None = None) -> CloudScale:
     """Median lengths over up to 4096 points, from planes through their 16 nearest (fewer in a small cloud)."""
-    tree = cKDTree(points) if tree is None else tree
+    tree = KDTree(points) if tree is None else tree
     probes = points[:: max(1, len(points) // PROBES)]
     count = min(NEIGHBOURS, len(points))
     distance, index = tree.query(probes, k=count, workers=-1)
@@ -46,7 +46,7 @@ def cloud_scale(points: Float[np.ndarray, "n 3"], tree: cKDTree | None = None) -
     )
 
 
-def thinning_distance(points: Float[np.ndarray, "n 3"], tree: cKDTree | None = None) -> float:
+def thinning_distance(points: Float[np.ndarray, "n 3"], tree: KDTree | None = None) -> float:
     """The distance to leave between points where layers overlap, 0 where the cloud is one sheet already.
 
     Layers overlap when the cloud is thick against the distance between neighbours, which a single scan is not.

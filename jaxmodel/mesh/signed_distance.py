@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from jaxmodel.geometry.voxel_grid import VoxelGrid
 
@@ -34,7 +34,7 @@ def signed_distance(
 
     Known within ``reach`` of a point: beyond, the surface stays open, as it does where nothing was measured.
     """
-    tree = cKDTree(points)
+    tree = KDTree(points)
     count = int(np.prod(grid.shape))
     value, known = np.zeros(count), np.zeros(count, bool)
     neighbours = min(NEIGHBOURS, len(points))

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 LEVELS = 16
 STEPS = 2
@@ -38,7 +38,7 @@ def thin(
     the group's mean surface, with the normal nearest to the mean normal and, given the unit directions ``toward``
     the sensor, the one that faces it most squarely. Linear in points, without a loop over them.
     """
-    tree = cKDTree(points)
+    tree = KDTree(points)
     pairs, offset = _groups(points, normals, distance, tree)
     order = _order(points, normals, pairs, offset, distance, toward, seed)
     source = _independent(len(points), pairs, order)
@@ -52,7 +52,7 @@ def project(
     points: Float[np.ndarray, "n 3"],
     normals: Float[np.ndarray, "n 3"],
     reach: float,
-    tree: cKDTree | None = None,
+    tree: KDTree | None = None,
 ) -> tuple[Float[np.ndarray, "k 3"], Float[np.ndarray, "k 3"]]:
     """``sites`` moved along their normals onto the weighted mean surface of the ``points`` within ``reach``.
 
@@ -60,7 +60,7 @@ def project(
     exact on planes and on spheres: repeated projection does not shrink the surface. Returns the moved sites and
     the mean normals there.
     """
-    tree = cKDTree(points) if tree is None else tree
+    tree = KDTree(points) if tree is None else tree
     moved, mean = sites.copy(), site_normals.copy()
     for start in range(0, len(sites), BLOCK):
         rows = slice(start, start + BLOCK)
@@ -86,7 +86,7 @@ def project(
 
 
 def _groups(
-    points: np.ndarray, normals: np.ndarray, distance: float, tree: cKDTree
+    points: np.ndarray, normals: np.ndarray, distance: float, tree: KDTree
 ) -> tuple[Int[np.ndarray, "p 2"], Float[np.ndarray, " p"]]:
     """Pairs of one group, and the second's height over the first along their mean normal."""
     pairs = tree.query_pairs(np.sqrt(2) * distance, output_type="ndarray")
