@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial import KDTree
 
 from jaxmodel.errors import InputError
 from jaxmodel.mesh.adjacency import face_vectors
@@ -38,9 +39,7 @@ class SurfaceDistance(NamedTuple):
         return max(self.there.largest, self.back.largest)
 
 
-def surface_distance(
-    mesh: ObjectMesh, reference: ObjectMesh, samples: int = SAMPLES, seed: int = 0
-) -> SurfaceDistance:
+def surface_distance(mesh: ObjectMesh, reference: ObjectMesh, samples: int = SAMPLES, seed: int = 0) -> SurfaceDistance:
     """Distances from ``samples`` points of each surface, spread evenly by area, to the other surface."""
     for name, given in (("mesh", mesh), ("reference", reference)):
         if len(given.faces) == 0:
@@ -81,3 +80,8 @@ def _summary(distance: Float[np.ndarray, " s"]) -> OneWay:
         float(np.quantile(distance, 0.95)),
         float(distance.max()),
     )
+
+
+def distance_to_points(queries: Float[np.ndarray, "s 3"], points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " s"]:
+    """Distance of each query from the nearest point."""
+    return np.asarray(KDTree(points).query(queries, workers=-1)[0])

@@ -38,10 +38,10 @@ def orient(
 ) -> Oriented:
     """``normals`` checked against their neighbours and turned to one side; estimated when there are none.
 
-    The side is that of the sensor where its directions ``toward`` are known; else the given signs where they
-    agree among neighbours, single points turned to the majority; else one propagated through the cloud (Open3D,
-    tangent planes; Hoppe et al., 1992), the sign that turns fewest. Raises ``InputError`` when most normals are zero or
-    not finite, or when they have no direction in common with their neighbours'.
+    The side is that of the sensor where its directions ``toward`` are known; else the given signs where they agree
+    among neighbours, single points turned to the majority; else, and where normals are estimated, one propagated
+    through the cloud (Open3D, tangent planes; Hoppe et al., 1992), the sign that turns fewest. Raises ``InputError``
+    when most normals are zero or not finite, or when they have no direction in common with their neighbours'.
     """
     estimated = normals is None
     given = estimate_normals(points, NEIGHBOURS) if normals is None else np.asarray(normals, np.float64)
@@ -65,7 +65,7 @@ def orient(
         away = np.einsum("na,na->n", unit, toward) < 0
         unit[away] *= -1
     else:
-        unit = _one_side(points, unit, good, near, cosine)
+        unit = _propagated(points, unit, good) if estimated else _one_side(points, unit, good, near, cosine)
     return Oriented(
         normals=unit,
         bad=np.flatnonzero(~good),

@@ -1,0 +1,52 @@
+"""Screened Poisson reconstruction (Kazhdan and Hoppe 2013) by Open3D: today's comparator."""
+
+import numpy as np
+from jaxtyping import Float
+
+from jaxmodel.errors import InputError
+from jaxmodel.mesh.cloud_input import checked_cloud
+from jaxmodel.mesh.distance import distance_to_points
+from jaxmodel.mesh.radii import cloud_scale
+from jaxmodel.scan.triangle_mesh import ObjectMesh
+
+DEEPEST = 12
+
+
+def poisson(
+    points: Float[np.ndarray, "n 3"],
+    normals: Float[np.ndarray, "n 3"] | None,
+    depth: int | None = None,
+    trim_spacings: float | None = 6.0,
+) -> ObjectMesh:
+    """A smooth mesh that spans gaps, opened where it is further than ``trim_spacings`` from any point.
+
+    Args:
+        points, normals: the cloud; normals point outwards, and are estimated where none are given.
+        depth: of the octree; by default such that its finest cell is about the cloud's spacing.
+        trim_spacings: in spacings of the cloud; None keeps all of it (open only where it leaves the cloud's box).
+
+    Raises:
+        InputError: an unusable cloud (see ``orient``) or a depth outside 2 to 12.
+    """
+    points, oriented = checked_cloud(points, normals)
+    spacing = cloud_scale(points).spacing
+    size = float(np.ptp(points, axis=0).max())
+    if depth is None:
+        depth = int(np.clip(np.ceil(np.log2(1.1 * size / spacing)), 4, 10))
+    if not 2 <= depth <= DEEPEST:
+        raise InputError(f"depth is {depth}, expected 2 to {DEEPEST}.")
+    import open3d as o3d
+
+    good = np.any(oriented.normals != 0, axis=1)
+    centre = points.mean(axis=0)
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector((points[good] - centre) / size))
+    cloud.normals = o3d.utility.Vector3dVector(oriented.normals[good])
+    with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
+        made, _ = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(cloud, depth=depth, n_threads=1)
+    vertices, faces = np.asarray(made.vertices) * size + centre, np.asarray(made.triangles, np.int64)
+    if trim_spacings is not None:
+        near = distance_to_points(vertices, points) <= trim_spacings * spacing
+        faces = faces[near[faces].all(axis=1)]
+        used, faces = np.unique(faces, return_inverse=True)
+        vertices, faces = vertices[used], faces.reshape(-1, 3)
+    return ObjectMesh(vertices, faces)
