@@ -15,6 +15,8 @@ SINGLE, MANY = 10.0, 4.0
 """Largest mean squared distance from the common plane, in variances: of one triangle, of a large region."""
 FACING = 0.3
 """Least cosine between the mean normals of two regions that merge."""
+BLOCK = 8192
+"""Mergers weighed at once: few enough that all their sums stay in the processor's cache."""
 SECOND = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
@@ -135,6 +137,11 @@ def _cost(table, i, j, noise):
 
     Both sides must lie within the noise of the common plane, so that a large region cannot swallow a small one.
     """
+    blocks = [slice(start, start + BLOCK) for start in range(0, len(i), BLOCK)]
+    return np.concatenate([np.zeros(0)] + [_block_cost(table, i[block], j[block], noise) for block in blocks])
+
+
+def _block_cost(table, i, j, noise):
     one, two = table[:, i], table[:, j]
     centre, normal = plane_of(one + two)
     square_one, square_two = mean_square(one, centre, normal), mean_square(two, centre, normal)

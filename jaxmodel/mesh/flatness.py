@@ -1,0 +1,90 @@
+"""Which flat regions are planes of the object, and which only strips of something round."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from jaxmodel.mesh.region_growing import Moments, plane_of
+
+TRIANGLES = 30
+WIDTH = 3.0
+"""Narrowest plane that is sure by itself, in its triangles' shortest sides: a strip of a round surface has one."""
+BEND = 0.4
+"""Largest bend of a plane (rms height of the quadratic part), in standard deviations of the noise."""
+SAMPLES = 300
+
+
+class Flatness(NamedTuple):
+    """Of each flat region: ``straight`` no bend beyond the noise, ``sure`` also wide enough to be no strip."""
+
+    straight: Bool[np.ndarray, " r"]
+    sure: Bool[np.ndarray, " r"]
+
+
+def flatness(
+    vertices: Float[np.ndarray, "n 3"],
+    faces: Int[np.ndarray, "m 3"],
+    label: Int[np.ndarray, " m"],
+    moments: Moments,
+    noise: float,
+) -> Flatness:
+    """Regions of fewer than ``TRIANGLES`` triangles are too small for a bend to show: straight, but never sure."""
+    table = moments.table
+    straight = np.ones(table.shape[1], bool)
+    sure = np.zeros(table.shape[1], bool)
+    large = np.flatnonzero(table[1] >= TRIANGLES)
+    if len(large) == 0:
+        return Flatness(straight, sure)
+    number = np.full(table.shape[1], -1)
+    number[large] = np.arange(len(large))
+    region, corner, shortest = _sampled(vertices, faces, number[label], len(large))
+    centre, normal = (part.T for part in plane_of(table[:, large]))
+    u, v, z, width = _in_plane(vertices[corner], region, centre, normal)
+    straight[large] = _bend(u, v, z, region, len(large)) <= BEND * noise
+    sure[large] = straight[large] & (width >= WIDTH * shortest)
+    return Flatness(straight, sure)
+
+
+def _sampled(vertices, faces, region, count):
+    """Corners of evenly taken triangles of each region, every vertex once; and the mean shortest side of these."""
+    order = np.argsort(region, kind="stable")
+    order = order[np.searchsorted(region[order], 0) :]
+    size = np.bincount(region[order], minlength=count)
+    first = np.cumsum(size) - size
+    rank = np.arange(len(order)) - first[region[order]]
+    taken = order[rank % np.maximum(size // SAMPLES, 1)[region[order]] == 0]
+    sides = [vertices[faces[taken, k]] - vertices[faces[taken, (k + 1) % 3]] for k in range(3)]
+    shortest = np.sqrt(np.min([np.einsum("ij,ij->i", side, side) for side in sides], axis=0))
+    mean = np.bincount(region[taken], shortest, count) / np.bincount(region[taken], minlength=count)
+    keys = np.unique(np.repeat(region[taken], 3) * np.int64(len(vertices)) + faces[taken].reshape(-1))
+    return keys // len(vertices), keys % len(vertices), mean
+
+
+def _in_plane(points, region, centre, normal):
+    """Coordinates across the region's plane in units of its spread, height over it, and the region's lesser width."""
+    count = len(centre)
+    local = points - centre[region]
+    z = np.einsum("ij,ij->i", local, normal[region])
+    flat = local - z[:, None] * normal[region]
+    number = np.bincount(region, minlength=count)
+    spread = np.stack([np.bincount(region, flat[:, a] * flat[:, b], count) for a in range(3) for b in range(3)])
+    values, frame = np.linalg.eigh((spread / number).T.reshape(-1, 3, 3))
+    scale = np.sqrt(np.maximum(values, 1e-300))
+    u, v = (np.einsum("ij,ij->i", flat, frame[region, :, k]) / scale[region, k] for k in (2, 1))
+    return u, v, z, np.sqrt(12 * np.maximum(values[:, 1], 0))
+
+
+def _bend(u, v, z, region, count):
+    """Rms height of the quadratic part of each region."""
+    number = np.bincount(region, minlength=count)
+
+    def left(*terms):
+        inner = [[np.bincount(region, a * b, count) for b in terms] for a in terms]
+        matrix = np.moveaxis(np.array(inner), 2, 0) + 1e-9 * number[:, None, None] * np.eye(len(terms))
+        side = np.stack([np.bincount(region, a * z, count) for a in terms], axis=1)
+        explained = np.einsum("ri,ri->r", side, np.linalg.solve(matrix, side[:, :, None])[:, :, 0])
+        return np.bincount(region, z * z, count) - explained
+
+    one = np.ones_like(u)
+    return np.sqrt(np.maximum(left(one, u, v) - left(one, u, v, u * u, u * v, v * v), 0) / number)

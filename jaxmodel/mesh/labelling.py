@@ -1,0 +1,152 @@
+"""From triangles to primitives, stage by stage: sure planes, round regions, small planes, borders, free-form rest."""
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from jaxmodel.mesh.adjacency import Adjacency
+from jaxmodel.mesh.boundaries import REACH, settle, split_islands, take_in_scraps
+from jaxmodel.mesh.creases import CREASE_DEG, angles_deg, smooth_normals, smooth_parts
+from jaxmodel.mesh.flatness import flatness
+from jaxmodel.mesh.primitives import FREE_FORM, Surface, fit_plane, refine
+from jaxmodel.mesh.region_growing import Moments, face_moments, grow_flat, plane_of
+from jaxmodel.mesh.round_regions import Sheet, round_regions
+
+SMALLEST = 2e-3
+"""Area of the smallest round primitive, and of the smallest plane that is not sure, in the mesh's area."""
+BOUNDED = 0.6
+"""Part of a small flat region's border that must be creases, borders or other primitives for it to be a plane."""
+ALONE = 0.9
+"""Part of a smooth part that is one flat region from which no round surface is looked for."""
+FREE_CREASE_DEG = 10.0
+SHARPER = 4.0
+"""A crease within free-form parts: at least ``FREE_CREASE_DEG`` and so many times the usual angle there."""
+MOST_POINTS = 30_000
+"""Triangles a fit is made from, evenly taken."""
+
+
+def label_faces(
+    vertices: Float[np.ndarray, "n 3"],
+    faces: Int[np.ndarray, "m 3"],
+    shared: Adjacency,
+    vectors: Float[np.ndarray, "m 3"],
+    noise: float,
+    edge: float,
+) -> tuple[Int[np.ndarray, " m"], list[Surface]]:
+    """The segment of each triangle and the surface of each segment.
+
+    ``vectors`` are normals times 2 area, alike on both sides of an edge; ``noise`` the scatter that counts as flat,
+    ``edge`` the usual length of a side.
+    """
+    areas = np.sqrt(np.einsum("ij,ij->i", vectors, vectors)) / 2
+    flat, moments = grow_flat(face_moments(vertices, faces, vectors), shared.pairs, noise)
+    straight, sure = flatness(vertices, faces, flat, moments, noise)
+    label, surfaces = _take_planes(np.full(len(faces), -1), [], flat, moments, np.flatnonzero(sure))
+
+    normals = _smoothed(vectors, shared.pairs, label < 0, noise / edge)
+    smooth = angles_deg(normals, shared.pairs) < CREASE_DEG
+    for surface, region in _round(vertices, faces, shared.pairs, normals, areas, flat, label < 0, ~smooth, noise):
+        label[region] = len(surfaces)
+        surfaces.append(surface)
+    small = straight & _closed_in(shared, vertices, flat, moments, label) & ~sure
+    small &= moments.table[0] >= SMALLEST * areas.sum()
+    label, surfaces = _take_planes(label, surfaces, flat, moments, np.flatnonzero(small))
+
+    reach = REACH * noise + edge / 2
+    label = take_in_scraps(vertices, faces, shared.pairs, surfaces, label, reach)
+    for _ in range(2):
+        surfaces = _fitted(vertices, faces, areas, label, surfaces)
+        label = settle(vertices, faces, shared.pairs, surfaces, label, noise)
+    label, origin = split_islands(shared.pairs, areas, label)
+    surfaces = [surfaces[k] for k in origin]
+    label = take_in_scraps(vertices, faces, shared.pairs, surfaces, label, reach)
+    surfaces = _fitted(vertices, faces, areas, label, surfaces)
+    return _with_free_form(label, surfaces, shared.pairs, normals)
+
+
+def _take_planes(label, surfaces, flat, moments: Moments, regions):
+    """The flat ``regions`` as planes, as far as their triangles have no name yet."""
+    centre, normal = plane_of(moments.table[:, regions])
+    number = np.full(moments.table.shape[1], -1)
+    number[regions] = len(surfaces) + np.arange(len(regions))
+    label = np.where(label < 0, number[flat], label)
+    return label, surfaces + [Surface("plane", c, n, float("nan")) for c, n in zip(centre.T, normal.T, strict=True)]
+
+
+def _smoothed(vectors, pairs, rest: Bool[np.ndarray, " m"], scatter):
+    """Unit normals, smoothed among the triangles that have no name yet."""
+    inside = np.flatnonzero(rest)
+    number = np.full(len(vectors), -1)
+    number[inside] = np.arange(len(inside))
+    links = number[pairs]
+    normals = vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
+    normals[inside] = smooth_normals(vectors[inside], links[(links >= 0).all(axis=1)], scatter)
+    return normals
+
+
+def _round(vertices, faces, pairs, normals, areas, flat, rest, crease, noise):
+    """Cylinders and spheres among the triangles of ``rest``, with their triangles."""
+    found = []
+    smallest = SMALLEST * areas.sum()
+    for part in smooth_parts(rest, pairs, crease):
+        total = areas[part].sum()
+        strips = np.bincount(np.unique(flat[part], return_inverse=True)[1].reshape(-1), areas[part])
+        if total < smallest or strips.max() > ALONE * total:
+            continue
+        number = np.full(len(faces), -1)
+        number[part] = np.arange(len(part))
+        links = number[pairs[~crease]]
+        links = links[(links >= 0).all(axis=1)]
+        sheet = Sheet(vertices, faces[part], normals[part], areas[part], flat[part], links)
+        found += [(surface, part[region]) for surface, region in round_regions(sheet, noise, smallest)]
+    return found
+
+
+def _closed_in(shared: Adjacency, vertices, flat, moments: Moments, label):
+    """Which flat regions end, for most of their border, at a crease, at another primitive or at the mesh's border."""
+    count = moments.table.shape[1]
+    ends = vertices[shared.edges]
+    length = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
+    normal = moments.table[12:].T
+    normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    i, j = flat[shared.pairs].T
+    named = label[shared.pairs] >= 0
+    between = i != j
+    i, j, named, along = i[between], j[between], named[between], length[shared.pair_edge][between]
+    crease = np.einsum("ij,ij->i", normal[i], normal[j]) < np.cos(np.deg2rad(CREASE_DEG))
+    open_side = shared.faces[shared.edge_of] != 2
+    bare = np.bincount(np.repeat(flat, 3), (length[shared.edge_of] * open_side).reshape(-1), count)
+    whole = bare + np.bincount(i, along, count) + np.bincount(j, along, count)
+    shut = bare + np.bincount(i, along * (crease | named[:, 1]), count)
+    shut = shut + np.bincount(j, along * (crease | named[:, 0]), count)
+    return shut >= BOUNDED * whole
+
+
+def _fitted(vertices, faces, areas, label, surfaces):
+    """Each surface fitted to the corners of its triangles by least squares."""
+    order = np.argsort(label, kind="stable")
+    ends = np.searchsorted(label[order], np.arange(len(surfaces) + 1))
+    result = []
+    for k, surface in enumerate(surfaces):
+        some = order[ends[k] : ends[k + 1]]
+        some = some[:: max(1, len(some) // MOST_POINTS)]
+        if len(some) == 0 or areas[some].sum() == 0:
+            result.append(surface)
+            continue
+        points, weights = vertices[faces[some]].reshape(-1, 3), np.repeat(areas[some], 3)
+        result.append(fit_plane(points, weights) if surface.kind == "plane" else refine(surface, points, weights))
+    return result
+
+
+def _with_free_form(label, surfaces, pairs, normals):
+    """What has no name yet as smooth parts between creases; surfaces that lost all their triangles go."""
+    free = label < 0
+    angle = angles_deg(normals, pairs)
+    inside = free[pairs].all(axis=1)
+    usual = float(np.median(angle[inside])) if inside.any() else 0.0
+    crease = angle >= np.clip(SHARPER * usual, FREE_CREASE_DEG, CREASE_DEG)
+    label, surfaces = label.copy(), list(surfaces)
+    for part in smooth_parts(free, pairs, crease):
+        label[part] = len(surfaces)
+        surfaces.append(FREE_FORM)
+    used, label = np.unique(label, return_inverse=True)
+    return label.reshape(-1), [surfaces[k] for k in used]

@@ -1,0 +1,136 @@
+"""Cylinders and spheres among smooth triangles: fitted to neighbourhoods, grown to all that agrees, fitted again.
+
+The search is that of Schnabel et al. (Efficient RANSAC for point-cloud shape detection, 2007) without chance: every
+neighbourhood of an even sample proposes a sphere and a cylinder at several scales.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.spatial import cKDTree
+
+from jaxmodel.mesh.adjacency import face_components
+from jaxmodel.mesh.primitives import Surface, fit_plane, offset, refine, round_guesses
+
+SAMPLES, SEEDS, TRIED = 800, 20, 6
+SCALES = (9, 25, 70, 200)
+"""Triangles of a neighbourhood, out of the sample."""
+WITHIN = 3.0
+"""Root mean square distance of a triangle's corners from its surface, at most, in standard deviations."""
+NARROWING = (8.0, 4.0, 2.0, 1.0)
+TURN = np.cos(np.deg2rad(20.0))
+"""Least cosine between a triangle's normal and its surface's."""
+SCATTER = 1.25
+"""Largest rms distance of a whole region in standard deviations: a surface that only touches has more."""
+FEWEST, STRIPS = 24, 4
+"""Triangles and flat strips of the smallest round region."""
+LARGEST_STRIP = 0.45
+FLATTER = 3.0
+"""How much worse a plane must fit than the round surface."""
+
+
+class Sheet(NamedTuple):
+    """One smooth part: its triangles, their smoothed normals, areas, flat region, and which are neighbours."""
+
+    vertices: Float[np.ndarray, "n 3"]
+    faces: Int[np.ndarray, "m 3"]
+    normals: Float[np.ndarray, "m 3"]
+    areas: Float[np.ndarray, " m"]
+    flat: Int[np.ndarray, " m"]
+    pairs: Int[np.ndarray, "p 2"]
+
+
+def round_regions(
+    sheet: Sheet, noise: float, smallest: float
+) -> list[tuple[Surface, Int[np.ndarray, " k"]]]:
+    """Cylinders and spheres in one smooth part, the largest first, each with its triangles (rows of the sheet).
+
+    ``smallest`` is the least area of a region. A region hangs together, does not look flat, consists of several flat
+    strips of which none is nearly all, and scatters about its surface by no more than the noise.
+    """
+    found = []
+    part = np.arange(len(sheet.faces))
+    while len(part) >= FEWEST and sheet.areas[part].sum() >= smallest:
+        best = _largest(sheet, part, noise, smallest)
+        if best is None:
+            break
+        found.append(best)
+        part = np.setdiff1d(part, best[1], assume_unique=True)
+    return found
+
+
+def _largest(sheet: Sheet, part, noise, smallest):
+    running = np.cumsum(sheet.areas[part])
+    count = min(SAMPLES, len(part))
+    place = (np.arange(count) + 0.5) * (running[-1] / count)
+    sample = part[np.unique(np.searchsorted(running, place))]
+    corners = sheet.vertices[sheet.faces[sample]]
+    middle, normals, areas = corners.mean(axis=1), sheet.normals[sample], sheet.areas[sample]
+    seeds = np.arange(0, len(sample), max(1, len(sample) // SEEDS))
+    near = cKDTree(middle).query(middle[seeds], k=min(SCALES[-1], len(sample)))[1]
+    guesses: list[Surface] = []
+    for scale in SCALES:
+        if scale <= near.shape[1]:
+            spheres, cylinders = round_guesses(middle[near[:, :scale]], normals[near[:, :scale]])
+            guesses += spheres + cylinders
+    size = float(np.ptp(middle, axis=0).max())
+    guesses = [guess for guess in guesses if np.isfinite(guess.radius) and guess.radius < 20 * size]
+    share = [areas[_agree(guess, corners, normals, NARROWING[0] * noise)].sum() for guess in guesses]
+    tried = [guesses[k] for k in np.argsort(share, kind="stable")[::-1][:TRIED]]
+    scored = []
+    for guess in tried:
+        for width in NARROWING:
+            inside = _agree(guess, corners, normals, width * noise)
+            if inside.sum() < 6 or not np.isfinite(guess.radius):
+                break
+            guess = refine(guess, corners[inside].reshape(-1, 3), np.repeat(areas[inside], 3))
+        else:
+            scored.append((float(areas[_agree(guess, corners, normals, noise)].sum()), guess))
+    for _, guess in sorted(scored, key=lambda entry: -entry[0])[:2]:
+        region = _grown(sheet, part, guess, noise, smallest)
+        if region is not None:
+            return region
+    return None
+
+
+def _agree(surface: Surface, corners, normals, noise):
+    """Which triangles lie on a surface and face as it does."""
+    if not np.isfinite(surface.radius):
+        return np.zeros(len(corners), bool)
+    distance, _ = offset(surface, corners.reshape(-1, 3))
+    close = (distance.reshape(-1, 3) ** 2).mean(axis=1) <= (WITHIN * noise) ** 2
+    _, facing = offset(surface, corners.mean(axis=1))
+    return close & (np.abs(np.einsum("ij,ij->i", facing, normals)) >= TURN)
+
+
+def _grown(sheet: Sheet, part, surface, noise, smallest):
+    """The surface fitted to its largest connected region of the whole part, or None where that is no region of it."""
+    for _ in range(2):
+        inside = part[_agree(surface, sheet.vertices[sheet.faces[part]], sheet.normals[part], noise)]
+        region = _largest_connected(sheet, inside)
+        area = sheet.areas[region]
+        if len(region) < FEWEST or area.sum() < smallest:
+            return None
+        taken = region[:: max(1, len(region) // 20_000)]
+        points = sheet.vertices[sheet.faces[taken]].reshape(-1, 3)
+        weights = np.repeat(sheet.areas[taken], 3)
+        surface = refine(surface, points, weights)
+    strips = np.bincount(np.unique(sheet.flat[region], return_inverse=True)[1].reshape(-1), area)
+    rms = np.sqrt(weights @ offset(surface, points)[0] ** 2 / weights.sum())
+    flat_rms = np.sqrt(weights @ offset(fit_plane(points, weights), points)[0] ** 2 / weights.sum())
+    few = len(strips) < STRIPS or strips.max() > LARGEST_STRIP * area.sum()
+    if few or rms > SCATTER * noise or flat_rms < FLATTER * max(rms, noise):
+        return None
+    return surface, region
+
+
+def _largest_connected(sheet: Sheet, inside):
+    number = np.full(len(sheet.faces), -1)
+    number[inside] = np.arange(len(inside))
+    links = number[sheet.pairs]
+    links = links[(links >= 0).all(axis=1)]
+    if len(inside) == 0:
+        return inside
+    _, label = face_components(len(inside), links)
+    return inside[label == np.argmax(np.bincount(label, sheet.areas[inside]))]
