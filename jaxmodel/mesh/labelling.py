@@ -31,15 +31,16 @@ def label_faces(
     vectors: Float[np.ndarray, "m 3"],
     noise: float,
     edge: float,
+    exact: bool,
 ) -> tuple[Int[np.ndarray, " m"], list[Surface]]:
     """The segment of each triangle and the surface of each segment.
 
     ``vectors`` are normals times 2 area, alike on both sides of an edge; ``noise`` the scatter that counts as flat,
-    ``edge`` the usual length of a side.
+    ``edge`` the usual length of a side, ``exact`` whether the mesh has no noise.
     """
     areas = np.sqrt(np.einsum("ij,ij->i", vectors, vectors)) / 2
     flat, moments = grow_flat(face_moments(vertices, faces, vectors), shared.pairs, noise)
-    straight, sure = flatness(vertices, faces, flat, moments, noise)
+    straight, sure = flatness(vertices, faces, shared.pairs, flat, moments, noise, exact)
     label, surfaces = _take_planes(np.full(len(faces), -1), [], flat, moments, np.flatnonzero(sure))
 
     normals = _smoothed(vectors, shared.pairs, label < 0, noise / edge)
@@ -60,7 +61,7 @@ def label_faces(
     surfaces = [surfaces[k] for k in origin]
     label = take_in_scraps(vertices, faces, shared.pairs, surfaces, label, reach)
     surfaces = _fitted(vertices, faces, areas, label, surfaces)
-    return _with_free_form(label, surfaces, shared.pairs, normals)
+    return _with_free_form(label, surfaces, shared.pairs, normals, areas)
 
 
 def _take_planes(label, surfaces, flat, moments: Moments, regions):
@@ -137,8 +138,11 @@ def _fitted(vertices, faces, areas, label, surfaces):
     return result
 
 
-def _with_free_form(label, surfaces, pairs, normals):
-    """What has no name yet as smooth parts between creases; surfaces that lost all their triangles go."""
+def _with_free_form(label, surfaces, pairs, normals, areas):
+    """What has no name yet as smooth parts between creases; surfaces that lost all their triangles go.
+
+    Parts too small to be named join the part beside them, whatever the crease.
+    """
     free = label < 0
     angle = angles_deg(normals, pairs)
     inside = free[pairs].all(axis=1)
@@ -146,6 +150,18 @@ def _with_free_form(label, surfaces, pairs, normals):
     crease = angle >= np.clip(SHARPER * usual, FREE_CREASE_DEG, CREASE_DEG)
     label, surfaces = label.copy(), list(surfaces)
     for part in smooth_parts(free, pairs, crease):
+        if areas[part].sum() >= SMALLEST * areas.sum():
+            label[part] = len(surfaces)
+            surfaces.append(FREE_FORM)
+    links = pairs[inside]
+    while True:
+        first, second = label[links].T
+        forth, back = (first >= 0) & (second < 0), (second >= 0) & (first < 0)
+        if not (forth | back).any():
+            break
+        label[links[forth, 1]] = first[forth]
+        label[links[back, 0]] = second[back]
+    for part in smooth_parts(label < 0, pairs, np.zeros(len(pairs), bool)):
         label[part] = len(surfaces)
         surfaces.append(FREE_FORM)
     used, label = np.unique(label, return_inverse=True)

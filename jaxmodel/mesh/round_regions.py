@@ -26,6 +26,8 @@ SCATTER = 1.25
 FEWEST, STRIPS = 24, 4
 """Triangles and flat strips of the smallest round region."""
 LARGEST_STRIP = 0.45
+OPEN = 0.4
+"""Sides towards smooth neighbours for each triangle, at most: any two circles of a torus lie on one sphere."""
 FLATTER = 3.0
 """How much worse a plane must fit than the round surface."""
 
@@ -116,10 +118,13 @@ def _grown(sheet: Sheet, part, surface, noise, smallest):
         points = sheet.vertices[sheet.faces[taken]].reshape(-1, 3)
         weights = np.repeat(sheet.areas[taken], 3)
         surface = refine(surface, points, weights)
+    mine = np.zeros(len(sheet.faces), bool)
+    mine[region] = True
+    open_sides = (mine[sheet.pairs[:, 0]] != mine[sheet.pairs[:, 1]]).sum()
     strips = np.bincount(np.unique(sheet.flat[region], return_inverse=True)[1].reshape(-1), area)
     rms = np.sqrt(weights @ offset(surface, points)[0] ** 2 / weights.sum())
     flat_rms = np.sqrt(weights @ offset(fit_plane(points, weights), points)[0] ** 2 / weights.sum())
-    few = len(strips) < STRIPS or strips.max() > LARGEST_STRIP * area.sum()
+    few = len(strips) < STRIPS or strips.max() > LARGEST_STRIP * area.sum() or open_sides > OPEN * len(region)
     if few or rms > SCATTER * noise or flat_rms < FLATTER * max(rms, noise):
         return None
     return surface, region

@@ -87,7 +87,8 @@ def segment(mesh: ObjectMesh, noise: float | None = None, snapping: bool = True)
     scatter = surface_noise(vertices, faces, shared) if noise is None else noise / frame.scale
     within = max(scatter, FLAT * edge)
     areas = np.linalg.norm(vectors, axis=1) / 2
-    label, surfaces = _by_area(*label_faces(vertices, faces, shared, vectors, within, edge), areas)
+    found = label_faces(vertices, faces, shared, vectors, within, edge, exact=scatter <= FLAT * edge)
+    label, surfaces = _by_area(*found, areas)
     bound = SNAP * edge + REACH * within
     moved = snap(vertices, faces, label, surfaces, bound) if snapping else vertices
     given = np.asarray(mesh.vertices, np.float64)
