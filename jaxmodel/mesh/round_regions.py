@@ -18,7 +18,8 @@ SCALES = (9, 25, 70, 200)
 """Triangles of a neighbourhood, out of the sample."""
 WITHIN = 3.0
 """Root mean square distance of a triangle's corners from its surface, at most, in standard deviations."""
-NARROWING = (8.0, 4.0, 2.0, 1.0)
+NARROWING = ((8.0, 0.1), (4.0, 0.05), (2.0, 0.02), (1.0, 0.0))
+"""How much farther triangles may lie at first: in the noise, and in shortest sides, as chords cut corners off."""
 TURN = np.cos(np.deg2rad(20.0))
 """Least cosine between a triangle's normal and its surface's."""
 SCATTER = 1.25
@@ -76,14 +77,16 @@ def _largest(sheet: Sheet, part, noise, smallest):
         if scale <= near.shape[1]:
             spheres, cylinders = round_guesses(middle[near[:, :scale]], normals[near[:, :scale]])
             guesses += spheres + cylinders
+    chord = float(np.median(np.linalg.norm(corners - corners[:, [1, 2, 0]], axis=2).min(axis=1)))
+    widths = [times * noise + part_of_chord * chord for times, part_of_chord in NARROWING]
     size = float(np.ptp(middle, axis=0).max())
     guesses = [guess for guess in guesses if np.isfinite(guess.radius) and guess.radius < 20 * size]
-    share = [areas[_agree(guess, corners, normals, NARROWING[0] * noise)].sum() for guess in guesses]
+    share = [areas[_agree(guess, corners, normals, widths[0])].sum() for guess in guesses]
     tried = [guesses[k] for k in np.argsort(share, kind="stable")[::-1][:TRIED]]
     scored = []
     for guess in tried:
-        for width in NARROWING:
-            inside = _agree(guess, corners, normals, width * noise)
+        for width in widths:
+            inside = _agree(guess, corners, normals, width)
             if inside.sum() < 6 or not np.isfinite(guess.radius):
                 break
             guess = refine(guess, corners[inside].reshape(-1, 3), np.repeat(areas[inside], 3))
