@@ -8,7 +8,7 @@ from jaxmodel.mesh.primitives import Surface, offset
 
 REACH = 4.0
 """How far a scrap may lie from the surface that takes it in, in standard deviations, besides half an edge."""
-RINGS = 2
+RINGS = 3
 ROUNDS = 6
 STRAIGHTEN = 1.0
 """What each neighbour of another label counts against a label, in units of the squared distance over twice the variance."""

@@ -9,7 +9,7 @@ from jaxmodel.mesh.creases import CREASE_DEG, angles_deg, smooth_normals, smooth
 from jaxmodel.mesh.flatness import flatness
 from jaxmodel.mesh.primitives import FREE_FORM, Surface, fit_plane, refine
 from jaxmodel.mesh.region_growing import Moments, face_moments, grow_flat, plane_of
-from jaxmodel.mesh.round_regions import Sheet, round_regions
+from jaxmodel.mesh.round_regions import Sheet, least_cosine, round_regions
 
 SMALLEST = 2e-3
 """Area of the smallest round primitive, and of the smallest plane that is not sure, in the mesh's area."""
@@ -20,7 +20,7 @@ ALONE = 0.9
 FREE_CREASE_DEG = 10.0
 SHARPER = 4.0
 """A crease within free-form parts: at least ``FREE_CREASE_DEG`` and so many times the usual angle there."""
-MOST_POINTS = 30_000
+MOST_TRIANGLES = 10_000
 """Triangles a fit is made from, evenly taken."""
 
 
@@ -45,7 +45,8 @@ def label_faces(
 
     normals = _smoothed(vectors, shared.pairs, label < 0, noise / edge)
     smooth = angles_deg(normals, shared.pairs) < CREASE_DEG
-    for surface, region in _round(vertices, faces, shared.pairs, normals, areas, flat, label < 0, ~smooth, noise):
+    found = _round(vertices, faces, shared.pairs, normals, areas, flat, label < 0, ~smooth, noise, edge)
+    for surface, region in found:
         label[region] = len(surfaces)
         surfaces.append(surface)
     small = straight & _closed_in(shared, vertices, flat, moments, label) & ~sure
@@ -84,7 +85,7 @@ def _smoothed(vectors, pairs, rest: Bool[np.ndarray, " m"], scatter):
     return normals
 
 
-def _round(vertices, faces, pairs, normals, areas, flat, rest, crease, noise):
+def _round(vertices, faces, pairs, normals, areas, flat, rest, crease, noise, edge):
     """Cylinders and spheres among the triangles of ``rest``, with their triangles."""
     found = []
     smallest = SMALLEST * areas.sum()
@@ -97,7 +98,7 @@ def _round(vertices, faces, pairs, normals, areas, flat, rest, crease, noise):
         number[part] = np.arange(len(part))
         links = number[pairs[~crease]]
         links = links[(links >= 0).all(axis=1)]
-        sheet = Sheet(vertices, faces[part], normals[part], areas[part], flat[part], links)
+        sheet = Sheet(vertices, faces[part], normals[part], areas[part], flat[part], links, least_cosine(noise / edge))
         found += [(surface, part[region]) for surface, region in round_regions(sheet, noise, smallest)]
     return found
 
@@ -129,7 +130,7 @@ def _fitted(vertices, faces, areas, label, surfaces):
     result = []
     for k, surface in enumerate(surfaces):
         some = order[ends[k] : ends[k + 1]]
-        some = some[:: max(1, len(some) // MOST_POINTS)]
+        some = some[:: max(1, len(some) // MOST_TRIANGLES)]
         if len(some) == 0 or areas[some].sum() == 0:
             result.append(surface)
             continue

@@ -71,13 +71,15 @@ def round_guesses(
     return spheres, cylinders
 
 
-def refine(surface: Surface, points: Float[np.ndarray, "n 3"], weights: Float[np.ndarray, " n"]) -> Surface:
+def refine(
+    surface: Surface, points: Float[np.ndarray, "n 3"], weights: Float[np.ndarray, " n"], steps: int = STEPS
+) -> Surface:
     """The surface of the same kind with least weighted squared distances: Gauss-Newton from ``surface``."""
     if surface.kind == "plane":
         return fit_plane(points, weights)
     if surface.kind == "free-form":
         return surface
-    for _ in range(STEPS):
+    for _ in range(steps):
         distance, normal = offset(surface, points)
         if surface.kind == "sphere":
             moves = np.eye(3)

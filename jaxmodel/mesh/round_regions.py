@@ -13,15 +13,20 @@ from scipy.spatial import cKDTree
 from jaxmodel.mesh.adjacency import face_components
 from jaxmodel.mesh.primitives import Surface, fit_plane, offset, refine, round_guesses
 
-SAMPLES, SEEDS, TRIED = 800, 20, 6
+SAMPLES, SEEDS, TRIED = 600, 20, 5
+STEPS = 2
+"""Gauss-Newton steps of a guess each time its region narrows."""
+MOST_TRIANGLES = 4000
+"""Triangles a grown region is fitted to, evenly taken."""
 SCALES = (9, 25, 70, 200)
 """Triangles of a neighbourhood, out of the sample."""
 WITHIN = 3.0
 """Root mean square distance of a triangle's corners from its surface, at most, in standard deviations."""
 NARROWING = ((8.0, 0.1), (4.0, 0.05), (2.0, 0.02), (1.0, 0.0))
 """How much farther triangles may lie at first: in the noise, and in shortest sides, as chords cut corners off."""
-TURN = np.cos(np.deg2rad(20.0))
-"""Least cosine between a triangle's normal and its surface's."""
+TURN_DEG, TURN_BY_NOISE_DEG, MOST_TURN_DEG = 20.0, 90.0, 60.0
+"""Largest angle between a triangle's normal and its surface's: without noise, more for each edge length of it, at most.
+"""
 SCATTER = 1.25
 """Largest rms distance of a whole region in standard deviations: a surface that only touches has more."""
 FEWEST, STRIPS = 24, 4
@@ -34,7 +39,9 @@ FLATTER = 3.0
 
 
 class Sheet(NamedTuple):
-    """One smooth part: its triangles, their smoothed normals, areas, flat region, and which are neighbours."""
+    """One smooth part: its triangles, their smoothed normals, areas, flat region, and which are neighbours;
+    ``turn`` is the least cosine between such a normal and that of the surface the triangle lies on.
+    """
 
     vertices: Float[np.ndarray, "n 3"]
     faces: Int[np.ndarray, "m 3"]
@@ -42,6 +49,12 @@ class Sheet(NamedTuple):
     areas: Float[np.ndarray, " m"]
     flat: Int[np.ndarray, " m"]
     pairs: Int[np.ndarray, "p 2"]
+    turn: float
+
+
+def least_cosine(scatter: float) -> float:
+    """``Sheet.turn`` for a noise of so many edge lengths."""
+    return float(np.cos(np.deg2rad(min(TURN_DEG + TURN_BY_NOISE_DEG * scatter, MOST_TURN_DEG))))
 
 
 def round_regions(
@@ -81,17 +94,17 @@ def _largest(sheet: Sheet, part, noise, smallest):
     widths = [times * noise + part_of_chord * chord for times, part_of_chord in NARROWING]
     size = float(np.ptp(middle, axis=0).max())
     guesses = [guess for guess in guesses if np.isfinite(guess.radius) and guess.radius < 20 * size]
-    share = [areas[_agree(guess, corners, normals, widths[0])].sum() for guess in guesses]
+    share = [areas[_agree(guess, corners[:, :1], normals, widths[0], sheet.turn)].sum() for guess in guesses]
     tried = [guesses[k] for k in np.argsort(share, kind="stable")[::-1][:TRIED]]
     scored = []
     for guess in tried:
         for width in widths:
-            inside = _agree(guess, corners, normals, width)
+            inside = _agree(guess, corners, normals, width, sheet.turn)
             if inside.sum() < 6 or not np.isfinite(guess.radius):
                 break
-            guess = refine(guess, corners[inside].reshape(-1, 3), np.repeat(areas[inside], 3))
+            guess = refine(guess, corners[inside].reshape(-1, 3), np.repeat(areas[inside], 3), STEPS)
         else:
-            scored.append((float(areas[_agree(guess, corners, normals, noise)].sum()), guess))
+            scored.append((float(areas[_agree(guess, corners, normals, noise, sheet.turn)].sum()), guess))
     for _, guess in sorted(scored, key=lambda entry: -entry[0])[:2]:
         region = _grown(sheet, part, guess, noise, smallest)
         if region is not None:
@@ -99,25 +112,25 @@ def _largest(sheet: Sheet, part, noise, smallest):
     return None
 
 
-def _agree(surface: Surface, corners, normals, noise):
+def _agree(surface: Surface, corners, normals, noise, turn):
     """Which triangles lie on a surface and face as it does."""
     if not np.isfinite(surface.radius):
         return np.zeros(len(corners), bool)
     distance, _ = offset(surface, corners.reshape(-1, 3))
-    close = (distance.reshape(-1, 3) ** 2).mean(axis=1) <= (WITHIN * noise) ** 2
+    close = (distance.reshape(len(corners), -1) ** 2).mean(axis=1) <= (WITHIN * noise) ** 2
     _, facing = offset(surface, corners.mean(axis=1))
-    return close & (np.abs(np.einsum("ij,ij->i", facing, normals)) >= TURN)
+    return close & (np.abs(np.einsum("ij,ij->i", facing, normals)) >= turn)
 
 
 def _grown(sheet: Sheet, part, surface, noise, smallest):
     """The surface fitted to its largest connected region of the whole part, or None where that is no region of it."""
     for _ in range(2):
-        inside = part[_agree(surface, sheet.vertices[sheet.faces[part]], sheet.normals[part], noise)]
+        inside = part[_agree(surface, sheet.vertices[sheet.faces[part]], sheet.normals[part], noise, sheet.turn)]
         region = _largest_connected(sheet, inside)
         area = sheet.areas[region]
         if len(region) < FEWEST or area.sum() < smallest:
             return None
-        taken = region[:: max(1, len(region) // 20_000)]
+        taken = region[:: max(1, len(region) // MOST_TRIANGLES)]
         points = sheet.vertices[sheet.faces[taken]].reshape(-1, 3)
         weights = np.repeat(sheet.areas[taken], 3)
         surface = refine(surface, points, weights)
