@@ -69,8 +69,8 @@ def _open_sides(pairs, label, table):
 
 def _sampled(vertices, faces, region, count):
     """Corners of evenly taken triangles of each region, every vertex once."""
-    order = np.argsort(region, kind="stable")
-    order = order[np.searchsorted(region[order], 0) :]
+    inside = np.flatnonzero(region >= 0)
+    order = inside[np.argsort(region[inside], kind="stable")]
     size = np.bincount(region[order], minlength=count)
     first = np.cumsum(size) - size
     rank = np.arange(len(order)) - first[region[order]]

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from jaxmodel.mesh.adjacency import Adjacency
-from jaxmodel.mesh.boundaries import REACH, settle, split_islands, take_in_scraps
+from jaxmodel.mesh.boundaries import REACH, RINGS, settle, split_islands, take_in_scraps
 from jaxmodel.mesh.creases import CREASE_DEG, angles_deg, smooth_normals, smooth_parts
 from jaxmodel.mesh.flatness import flatness
 from jaxmodel.mesh.primitives import FREE_FORM, Surface, fit_plane, refine
@@ -15,6 +15,8 @@ SMALLEST = 2e-3
 """Area of the smallest round primitive, and of the smallest plane that is not sure, in the mesh's area."""
 BOUNDED = 0.6
 """Part of a small flat region's border that must be creases, borders or other primitives for it to be a plane."""
+LAST = 1.5
+"""How much farther the last scraps may lie."""
 ALONE = 0.9
 """Part of a smooth part that is one flat region from which no round surface is looked for."""
 FREE_CREASE_DEG = 10.0
@@ -60,7 +62,7 @@ def label_faces(
         label = settle(vertices, faces, shared.pairs, surfaces, label, noise)
     label, origin = split_islands(shared.pairs, areas, label)
     surfaces = [surfaces[k] for k in origin]
-    label = take_in_scraps(vertices, faces, shared.pairs, surfaces, label, reach)
+    label = take_in_scraps(vertices, faces, shared.pairs, surfaces, label, LAST * reach, 2 * RINGS)
     surfaces = _fitted(vertices, faces, areas, label, surfaces)
     return _with_free_form(label, surfaces, shared.pairs, normals, areas)
 
@@ -165,5 +167,7 @@ def _with_free_form(label, surfaces, pairs, normals, areas):
     for part in smooth_parts(label < 0, pairs, np.zeros(len(pairs), bool)):
         label[part] = len(surfaces)
         surfaces.append(FREE_FORM)
-    used, label = np.unique(label, return_inverse=True)
-    return label.reshape(-1), [surfaces[k] for k in used]
+    used = np.flatnonzero(np.bincount(label, minlength=len(surfaces)))
+    number = np.zeros(len(surfaces), np.int64)
+    number[used] = np.arange(len(used))
+    return number[label], [surfaces[k] for k in used]

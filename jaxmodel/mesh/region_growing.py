@@ -90,39 +90,43 @@ def grow_flat(
     """
     table = moments.table.copy()
     count = table.shape[1]
-    label = np.arange(count)
-    i, j = pairs[:, 0].copy(), pairs[:, 1].copy()
+    owner, best, changed = np.arange(count), np.full(count, np.inf), np.zeros(count, bool)
+    i, j = pairs[:, 0], pairs[:, 1]
     # equal costs, as all are on a flat mesh, must not favour one direction
     toss = np.random.default_rng(0).random(len(i)) / 2
     cost = _cost(table, i, j, noise) + toss
     for level in LEVELS:
         while True:
             able = np.flatnonzero(np.isfinite(cost) & (cost <= level))
-            chosen = able[_match(i[able], j[able], cost[able], count)]
+            chosen = able[_match(i[able], j[able], cost[able], best)]
             if len(chosen) == 0:
                 break
             keep, drop = np.minimum(i[chosen], j[chosen]), np.maximum(i[chosen], j[chosen])
             merged = table[:, keep] + table[:, drop]
             merged[2] = merged[0] * mean_square(merged, *plane_of(merged))
             table[:, keep] = merged
-            owner = np.arange(count)
             owner[drop] = keep
-            label = owner[label]
-            changed = np.zeros(count, bool)
             changed[keep] = changed[drop] = True
             stale = changed[i] | changed[j]
+            changed[keep] = changed[drop] = False
             i, j, cost, toss = _renewed(table, owner, stale, i, j, cost, toss, noise)
-    used, label = np.unique(label, return_inverse=True)
-    return label.reshape(-1), Moments(table[:, used])
+    while (owner[owner] != owner).any():
+        owner = owner[owner]
+    roots = np.flatnonzero(owner == np.arange(count))
+    number = np.zeros(count, np.int64)
+    number[roots] = np.arange(len(roots))
+    return number[owner], Moments(table[:, roots])
 
 
 def _renewed(table, owner, stale, i, j, cost, toss, noise):
     """The borders between regions after a round: one between any two, costs anew where a side changed."""
     a, b = owner[i[stale]], owner[j[stale]]
-    a, b = np.minimum(a, b), np.maximum(a, b)
     between = a != b
-    _, first = np.unique(a[between] * np.int64(len(owner)) + b[between], return_index=True)
-    a, b, fresh = a[between][first], b[between][first], toss[stale][between][first]
+    a, b, fresh = np.minimum(a, b)[between], np.maximum(a, b)[between], toss[stale][between]
+    key = a * np.int64(len(owner)) + b
+    order = np.argsort(key)
+    order = order[np.flatnonzero(np.diff(key[order], prepend=-1))]
+    a, b, fresh = a[order], b[order], fresh[order]
     keep = ~stale
     return (
         np.concatenate([i[keep], a]),
@@ -155,18 +159,21 @@ def _block_cost(table, i, j, noise):
     return np.where(fits, np.maximum(added, 0) / (variance * (one[0] / one[1] + two[0] / two[1])), np.inf)
 
 
-def _match(i, j, cost, count):
-    """Places of borders whose two regions have each other as the best of those still free; three passes."""
-    taken = np.zeros(count, bool)
+def _match(i, j, cost, best):
+    """Places of borders whose two regions have each other as the best of those still free; three passes.
+
+    ``best`` is infinite for every region, before and after.
+    """
     place = np.arange(len(i))
     chosen = []
     for _ in range(3):
-        best = np.full(count, np.inf)
         np.minimum.at(best, i, cost)
         np.minimum.at(best, j, cost)
         mutual = (best[i] == cost) & (best[j] == cost)
         chosen.append(place[mutual])
-        taken[i[mutual]] = taken[j[mutual]] = True
-        free = ~(taken[i] | taken[j])
+        best[i] = best[j] = np.inf
+        best[i[mutual]] = best[j[mutual]] = -np.inf
+        free = (best[i] == np.inf) & (best[j] == np.inf)
+        best[i[mutual]] = best[j[mutual]] = np.inf
         i, j, cost, place = i[free], j[free], cost[free], place[free]
     return np.concatenate(chosen)

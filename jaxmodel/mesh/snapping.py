@@ -39,7 +39,12 @@ def snap(
 
 def _meetings(faces, label, count):
     """Vertices of two or three labels, with these labels (the third -1 where there are two)."""
-    keys = np.unique(faces.reshape(-1) * np.int64(label.max() + 1) + np.repeat(label, 3))
+    lowest, highest = np.full(count, label.max() + 1), np.full(count, -1)
+    for k in range(3):
+        np.minimum.at(lowest, faces[:, k], label)
+        np.maximum.at(highest, faces[:, k], label)
+    beside = (highest > lowest)[faces]
+    keys = np.unique(faces[beside] * np.int64(label.max() + 1) + np.repeat(label, beside.sum(axis=1)))
     vertex, name = keys // (label.max() + 1), keys % (label.max() + 1)
     number = np.bincount(vertex, minlength=count)
     first = np.cumsum(number) - number

@@ -26,7 +26,9 @@ def surface_noise(
     flat parts, too large where the surface bends. Neighbouring vertices: residuals about local quadrics; free of bend,
     too large where the mesh is coarse.
     """
-    used = np.unique(faces)
+    corner = np.zeros(len(vertices), bool)
+    corner[faces] = True
+    used = np.flatnonzero(corner)
     if len(used) < FEWEST or len(shared.pairs) == 0:
         return 0.0
     return min(_flap_noise(vertices, faces, shared), _quadric_noise(vertices[used]))
