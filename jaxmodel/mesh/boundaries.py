@@ -7,8 +7,7 @@ from jaxmodel.mesh.adjacency import face_components
 from jaxmodel.mesh.primitives import Surface, offset
 
 REACH = 4.0
-"""How far a scrap may lie from the surface that takes it in, in standard deviations, besides half an edge."""
-RINGS = 3
+"""How far a scrap may lie from the surface that takes it in, in standard deviations."""
 ROUNDS = 6
 STRAIGHTEN = 1.0
 """What each neighbour of another label counts against a label, in units of the squared distance over twice the variance."""
@@ -41,11 +40,13 @@ def take_in_scraps(
     surfaces: list[Surface],
     label: Int[np.ndarray, " m"],
     reach: float,
-    rings: int = RINGS,
+    rings: int,
+    most: int | None = None,
 ) -> Int[np.ndarray, " m"]:
     """``label`` with whole groups of unnamed triangles (-1) given to neighbouring surfaces within ``reach``.
 
-    A group is taken in only if all of it is, ring by ring: what is wider stays as it is.
+    A group is taken in only if all of it is, within so many ``rings`` of triangles and, where given, if it has no more
+    triangles than ``most``.
     """
     grown = label.copy()
     for _ in range(rings):
@@ -65,6 +66,8 @@ def take_in_scraps(
     count, group = face_components(len(scraps), links)
     open_group = np.zeros(count, bool)
     open_group[group[grown[scraps] < 0]] = True
+    if most is not None:
+        open_group |= np.bincount(group, minlength=count) > most
     grown[scraps[open_group[group]]] = -1
     return grown
 

@@ -44,16 +44,24 @@ def angles_deg(normals: Float[np.ndarray, "m 3"], pairs: Int[np.ndarray, "p 2"])
 
 
 def smooth_parts(
-    within: Bool[np.ndarray, " m"], pairs: Int[np.ndarray, "p 2"], crease: Bool[np.ndarray, " p"]
+    within: Bool[np.ndarray, " m"],
+    pairs: Int[np.ndarray, "p 2"],
+    crease: Bool[np.ndarray, " p"],
+    areas: Float[np.ndarray, " m"],
+    smallest: float = 0.0,
 ) -> list[Int[np.ndarray, " f"]]:
-    """The triangles of ``within`` in parts that hang together across edges that are no crease, the largest first."""
+    """The triangles of ``within`` in parts that hang together across edges that are no crease, the largest first.
+
+    Parts of less area than ``smallest`` are left out.
+    """
     inside = np.flatnonzero(within)
     number = np.full(len(within), -1)
     number[inside] = np.arange(len(inside))
     links = number[pairs[~crease]]
     links = links[(links >= 0).all(axis=1)]
-    _, part = face_components(len(inside), links)
-    size = np.bincount(part) if len(part) else np.zeros(0, int)
+    count, part = face_components(len(inside), links)
+    area = np.bincount(part, areas[inside], count)
     order = np.argsort(part, kind="stable")
-    pieces = np.split(inside[order], np.cumsum(size)[:-1]) if len(size) else []
-    return [pieces[k] for k in np.argsort(-size, kind="stable")]
+    ends = np.concatenate([[0], np.cumsum(np.bincount(part, minlength=count))])
+    ranked = np.argsort(-area, kind="stable")
+    return [inside[order[ends[k] : ends[k + 1]]] for k in ranked[area[ranked] >= smallest]]

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from jaxmodel.mesh.adjacency import Adjacency
-from jaxmodel.mesh.boundaries import REACH, RINGS, settle, split_islands, take_in_scraps
+from jaxmodel.mesh.boundaries import REACH, settle, split_islands, take_in_scraps
 from jaxmodel.mesh.creases import CREASE_DEG, angles_deg, smooth_normals, smooth_parts
 from jaxmodel.mesh.flatness import flatness
 from jaxmodel.mesh.primitives import FREE_FORM, Surface, fit_plane, refine
@@ -15,8 +15,9 @@ SMALLEST = 2e-3
 """Area of the smallest round primitive, and of the smallest plane that is not sure, in the mesh's area."""
 BOUNDED = 0.6
 """Part of a small flat region's border that must be creases, borders or other primitives for it to be a plane."""
-LAST = 1.5
-"""How much farther the last scraps may lie."""
+RINGS = 6
+FEW = 24
+"""Triangles of a scrap that may lie farther from the surface that takes it in than bridges over a crease do."""
 ALONE = 0.9
 """Part of a smooth part that is one flat region from which no round surface is looked for."""
 FREE_CREASE_DEG = 10.0
@@ -55,14 +56,15 @@ def label_faces(
     small &= moments.table[0] >= SMALLEST * areas.sum()
     label, surfaces = _take_planes(label, surfaces, flat, moments, np.flatnonzero(small))
 
-    reach = REACH * noise + edge / 2
-    label = take_in_scraps(vertices, faces, shared.pairs, surfaces, label, reach)
+    near = REACH * noise
+    label = take_in_scraps(vertices, faces, shared.pairs, surfaces, label, near, RINGS)
+    label = take_in_scraps(vertices, faces, shared.pairs, surfaces, label, near + edge / 2, 1)
     for _ in range(2):
         surfaces = _fitted(vertices, faces, areas, label, surfaces)
         label = settle(vertices, faces, shared.pairs, surfaces, label, noise)
     label, origin = split_islands(shared.pairs, areas, label)
     surfaces = [surfaces[k] for k in origin]
-    label = take_in_scraps(vertices, faces, shared.pairs, surfaces, label, LAST * reach, 2 * RINGS)
+    label = take_in_scraps(vertices, faces, shared.pairs, surfaces, label, 1.5 * near + edge, RINGS, FEW)
     surfaces = _fitted(vertices, faces, areas, label, surfaces)
     return _with_free_form(label, surfaces, shared.pairs, normals, areas)
 
@@ -91,10 +93,8 @@ def _round(vertices, faces, pairs, normals, areas, flat, rest, crease, noise, ed
     """Cylinders and spheres among the triangles of ``rest``, with their triangles."""
     found = []
     smallest = SMALLEST * areas.sum()
-    for part in smooth_parts(rest, pairs, crease):
-        total = areas[part].sum()
-        strips = np.bincount(np.unique(flat[part], return_inverse=True)[1].reshape(-1), areas[part])
-        if total < smallest or strips.max() > ALONE * total:
+    for part in smooth_parts(rest, pairs, crease, areas, smallest):
+        if np.bincount(flat[part], areas[part]).max() > ALONE * areas[part].sum():
             continue
         number = np.full(len(faces), -1)
         number[part] = np.arange(len(part))
@@ -152,10 +152,9 @@ def _with_free_form(label, surfaces, pairs, normals, areas):
     usual = float(np.median(angle[inside])) if inside.any() else 0.0
     crease = angle >= np.clip(SHARPER * usual, FREE_CREASE_DEG, CREASE_DEG)
     label, surfaces = label.copy(), list(surfaces)
-    for part in smooth_parts(free, pairs, crease):
-        if areas[part].sum() >= SMALLEST * areas.sum():
-            label[part] = len(surfaces)
-            surfaces.append(FREE_FORM)
+    for part in smooth_parts(free, pairs, crease, areas, SMALLEST * areas.sum()):
+        label[part] = len(surfaces)
+        surfaces.append(FREE_FORM)
     links = pairs[inside]
     while True:
         first, second = label[links].T
@@ -164,7 +163,8 @@ def _with_free_form(label, surfaces, pairs, normals, areas):
             break
         label[links[forth, 1]] = first[forth]
         label[links[back, 0]] = second[back]
-    for part in smooth_parts(label < 0, pairs, np.zeros(len(pairs), bool)):
+        links = links[(label[links] < 0).any(axis=1)]
+    for part in smooth_parts(label < 0, pairs, np.zeros(len(pairs), bool), areas):
         label[part] = len(surfaces)
         surfaces.append(FREE_FORM)
     used = np.flatnonzero(np.bincount(label, minlength=len(surfaces)))

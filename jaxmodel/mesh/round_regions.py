@@ -29,6 +29,8 @@ TURN_DEG, TURN_BY_NOISE_DEG, MOST_TURN_DEG = 20.0, 90.0, 60.0
 """
 SCATTER = 1.25
 """Largest rms distance of a whole region in standard deviations: a surface that only touches has more."""
+LIKELY = 1.2
+"""How much more a sample may scatter than a whole region."""
 FEWEST, STRIPS = 24, 4
 """Triangles and flat strips of the smallest round region."""
 LARGEST_STRIP = 0.45
@@ -102,9 +104,11 @@ def _largest(sheet: Sheet, part, noise, smallest):
             inside = _agree(guess, corners, normals, width, sheet.turn)
             if inside.sum() < 6 or not np.isfinite(guess.radius):
                 break
-            guess = refine(guess, corners[inside].reshape(-1, 3), np.repeat(areas[inside], 3), STEPS)
+            guess = refine(guess, corners[inside].reshape(-1, 3), np.repeat(areas[inside], 3), STEPS if width > noise else 3 * STEPS)
         else:
-            scored.append((float(areas[_agree(guess, corners, normals, noise, sheet.turn)].sum()), guess))
+            inside = _agree(guess, corners, normals, noise, sheet.turn)
+            if inside.any() and _rms(guess, corners[inside].reshape(-1, 3)) <= LIKELY * SCATTER * noise:
+                scored.append((float(areas[inside].sum()), guess))
     for _, guess in sorted(scored, key=lambda entry: -entry[0])[:2]:
         region = _grown(sheet, part, guess, noise, smallest)
         if region is not None:
@@ -137,13 +141,17 @@ def _grown(sheet: Sheet, part, surface, noise, smallest):
     mine = np.zeros(len(sheet.faces), bool)
     mine[region] = True
     open_sides = (mine[sheet.pairs[:, 0]] != mine[sheet.pairs[:, 1]]).sum()
-    strips = np.bincount(np.unique(sheet.flat[region], return_inverse=True)[1].reshape(-1), area)
-    rms = np.sqrt(weights @ offset(surface, points)[0] ** 2 / weights.sum())
-    flat_rms = np.sqrt(weights @ offset(fit_plane(points, weights), points)[0] ** 2 / weights.sum())
+    strips = np.bincount(sheet.flat[region], area)
+    strips = strips[strips > 0]
+    rms, flat_rms = _rms(surface, points), _rms(fit_plane(points, weights), points)
     few = len(strips) < STRIPS or strips.max() > LARGEST_STRIP * area.sum() or open_sides > OPEN * len(region)
     if few or rms > SCATTER * noise or flat_rms < FLATTER * max(rms, noise):
         return None
     return surface, region
+
+
+def _rms(surface: Surface, points):
+    return float(np.sqrt(np.mean(offset(surface, points)[0] ** 2)))
 
 
 def _largest_connected(sheet: Sheet, inside):
