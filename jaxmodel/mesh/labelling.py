@@ -47,11 +47,19 @@ def label_faces(
     label, surfaces = _take_planes(np.full(len(faces), -1), [], flat, moments, np.flatnonzero(sure))
 
     normals = _smoothed(vectors, shared.pairs, label < 0, noise / edge)
-    smooth = angles_deg(normals, shared.pairs) < CREASE_DEG
-    found = _round(vertices, faces, shared.pairs, normals, areas, flat, label < 0, ~smooth, noise, edge)
-    for surface, region in found:
-        label[region] = len(surfaces)
-        surfaces.append(surface)
+    angle = angles_deg(normals, shared.pairs)
+    turn, searched = least_cosine(noise / edge), set()
+    for crease in (lambda _: angle >= CREASE_DEG, lambda rest: _fine_creases(angle, shared.pairs, rest)):
+        rest = label < 0
+        for sheet, part in _sheets(vertices, faces, shared.pairs, normals, areas, flat, rest, crease(rest), turn):
+            if (part[0], len(part)) in searched:
+                continue
+            found = round_regions(sheet, noise, SMALLEST * areas.sum())
+            for surface, region in found:
+                label[part[region]] = len(surfaces)
+                surfaces.append(surface)
+            left = part[label[part] < 0]
+            searched.add((left[0], len(left)) if len(left) else None)
     small = straight & _closed_in(shared, vertices, flat, moments, label) & ~sure
     small &= moments.table[0] >= SMALLEST * areas.sum()
     label, surfaces = _take_planes(label, surfaces, flat, moments, np.flatnonzero(small))
@@ -66,7 +74,7 @@ def label_faces(
     surfaces = [surfaces[k] for k in origin]
     label = take_in_scraps(vertices, faces, shared.pairs, surfaces, label, 1.5 * near + edge, RINGS, FEW)
     surfaces = _fitted(vertices, faces, areas, label, surfaces)
-    return _with_free_form(label, surfaces, shared.pairs, normals, areas)
+    return _with_free_form(label, surfaces, shared.pairs, angle, areas)
 
 
 def _take_planes(label, surfaces, flat, moments: Moments, regions):
@@ -89,20 +97,23 @@ def _smoothed(vectors, pairs, rest: Bool[np.ndarray, " m"], scatter):
     return normals
 
 
-def _round(vertices, faces, pairs, normals, areas, flat, rest, crease, noise, edge):
-    """Cylinders and spheres among the triangles of ``rest``, with their triangles."""
-    found = []
-    smallest = SMALLEST * areas.sum()
-    for part in smooth_parts(rest, pairs, crease, areas, smallest):
+def _sheets(vertices, faces, pairs, normals, areas, flat, rest, crease, turn):
+    """The smooth parts of ``rest`` to look for round surfaces in, and their triangles."""
+    for part in smooth_parts(rest, pairs, crease, areas, SMALLEST * areas.sum()):
         if np.bincount(flat[part], areas[part]).max() > ALONE * areas[part].sum():
             continue
         number = np.full(len(faces), -1)
         number[part] = np.arange(len(part))
         links = number[pairs[~crease]]
         links = links[(links >= 0).all(axis=1)]
-        sheet = Sheet(vertices, faces[part], normals[part], areas[part], flat[part], links, least_cosine(noise / edge))
-        found += [(surface, part[region]) for surface, region in round_regions(sheet, noise, smallest)]
-    return found
+        yield Sheet(vertices, faces[part], normals[part], areas[part], flat[part], links, turn), part
+
+
+def _fine_creases(angle, pairs, free):
+    """Creases among the triangles of ``free``: many times sharper than the usual edge there."""
+    inside = free[pairs].all(axis=1)
+    usual = float(np.median(angle[inside])) if inside.any() else 0.0
+    return angle >= np.clip(SHARPER * usual, FREE_CREASE_DEG, CREASE_DEG)
 
 
 def _closed_in(shared: Adjacency, vertices, flat, moments: Moments, label):
@@ -141,21 +152,18 @@ def _fitted(vertices, faces, areas, label, surfaces):
     return result
 
 
-def _with_free_form(label, surfaces, pairs, normals, areas):
+def _with_free_form(label, surfaces, pairs, angle, areas):
     """What has no name yet as smooth parts between creases; surfaces that lost all their triangles go.
 
     Parts too small to be named join the part beside them, whatever the crease.
     """
     free = label < 0
-    angle = angles_deg(normals, pairs)
-    inside = free[pairs].all(axis=1)
-    usual = float(np.median(angle[inside])) if inside.any() else 0.0
-    crease = angle >= np.clip(SHARPER * usual, FREE_CREASE_DEG, CREASE_DEG)
+    crease = _fine_creases(angle, pairs, free)
     label, surfaces = label.copy(), list(surfaces)
     for part in smooth_parts(free, pairs, crease, areas, SMALLEST * areas.sum()):
         label[part] = len(surfaces)
         surfaces.append(FREE_FORM)
-    links = pairs[inside]
+    links = pairs[free[pairs].all(axis=1)]
     while True:
         first, second = label[links].T
         forth, back = (first >= 0) & (second < 0), (second >= 0) & (first < 0)

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from jaxmodel.mesh.adjacency import face_components
 from jaxmodel.mesh.primitives import Surface, fit_plane, offset, refine, round_guesses
 
-SAMPLES, SEEDS, TRIED = 600, 20, 5
+SAMPLES, SEEDS, TRIED = 600, 30, 8
 STEPS = 2
 """Gauss-Newton steps of a guess each time its region narrows."""
 MOST_TRIANGLES = 4000
@@ -22,7 +22,7 @@ SCALES = (9, 25, 70, 200)
 """Triangles of a neighbourhood, out of the sample."""
 WITHIN = 3.0
 """Root mean square distance of a triangle's corners from its surface, at most, in standard deviations."""
-NARROWING = ((8.0, 0.1), (4.0, 0.05), (2.0, 0.02), (1.0, 0.0))
+NARROWING = ((3.0, 0.1), (2.0, 0.05), (1.5, 0.02), (1.0, 0.0))
 """How much farther triangles may lie at first: in the noise, and in shortest sides, as chords cut corners off."""
 TURN_DEG, TURN_BY_NOISE_DEG, MOST_TURN_DEG = 20.0, 90.0, 60.0
 """Largest angle between a triangle's normal and its surface's: without noise, more for each edge length of it, at most.
