@@ -10,6 +10,7 @@ from jaxmodel.mesh.flatness import flatness
 from jaxmodel.mesh.primitives import FREE_FORM, Surface, fit_plane, refine
 from jaxmodel.mesh.region_growing import Moments, face_moments, grow_flat, plane_of
 from jaxmodel.mesh.round_regions import Sheet, least_cosine, round_regions
+from jaxmodel.mesh.smooth_joins import smooth_joins
 
 SMALLEST = 2e-3
 """Area of the smallest round primitive, and of the smallest plane that is not sure, in the mesh's area."""
@@ -35,8 +36,8 @@ def label_faces(
     noise: float,
     edge: float,
     exact: bool,
-) -> tuple[Int[np.ndarray, " m"], list[Surface]]:
-    """The segment of each triangle and the surface of each segment.
+) -> tuple[Int[np.ndarray, " m"], list[Surface], Int[np.ndarray, " s"]]:
+    """The segment of each triangle, and the surface and the smooth face of each segment.
 
     ``vectors`` are normals times 2 area, alike on both sides of an edge; ``noise`` the scatter that counts as flat,
     ``edge`` the usual length of a side, ``exact`` whether the mesh has no noise.
@@ -49,9 +50,10 @@ def label_faces(
     normals = _smoothed(vectors, shared.pairs, label < 0, noise / edge)
     angle = angles_deg(normals, shared.pairs)
     turn, searched = least_cosine(noise / edge), set()
-    for crease in (lambda _: angle >= CREASE_DEG, lambda rest: _fine_creases(angle, shared.pairs, rest)):
+    smooth = angle < CREASE_DEG
+    for crease in (lambda _: ~smooth, lambda rest: _fine_creases(angle, shared.pairs, rest)):
         rest = label < 0
-        for sheet, part in _sheets(vertices, faces, shared.pairs, normals, areas, flat, rest, crease(rest), turn):
+        for sheet, part in _sheets(vertices, faces, shared.pairs, normals, areas, flat, rest, crease(rest), smooth, turn):
             if (part[0], len(part)) in searched:
                 continue
             found = round_regions(sheet, noise, SMALLEST * areas.sum())
@@ -74,7 +76,8 @@ def label_faces(
     surfaces = [surfaces[k] for k in origin]
     label = take_in_scraps(vertices, faces, shared.pairs, surfaces, label, 1.5 * near + edge, RINGS, FEW)
     surfaces = _fitted(vertices, faces, areas, label, surfaces)
-    return _with_free_form(label, surfaces, shared.pairs, angle, areas)
+    label, surfaces = _with_free_form(label, surfaces, shared.pairs, angle, areas)
+    return label, surfaces, smooth_joins(vertices, shared, normals, label, surfaces)
 
 
 def _take_planes(label, surfaces, flat, moments: Moments, regions):
@@ -97,7 +100,7 @@ def _smoothed(vectors, pairs, rest: Bool[np.ndarray, " m"], scatter):
     return normals
 
 
-def _sheets(vertices, faces, pairs, normals, areas, flat, rest, crease, turn):
+def _sheets(vertices, faces, pairs, normals, areas, flat, rest, crease, smooth, turn):
     """The smooth parts of ``rest`` to look for round surfaces in, and their triangles."""
     for part in smooth_parts(rest, pairs, crease, areas, SMALLEST * areas.sum()):
         if np.bincount(flat[part], areas[part]).max() > ALONE * areas[part].sum():
@@ -106,7 +109,10 @@ def _sheets(vertices, faces, pairs, normals, areas, flat, rest, crease, turn):
         number[part] = np.arange(len(part))
         links = number[pairs[~crease]]
         links = links[(links >= 0).all(axis=1)]
-        yield Sheet(vertices, faces[part], normals[part], areas[part], flat[part], links, turn), part
+        out = (number[pairs] >= 0).sum(axis=1) == 1
+        out &= rest[pairs].all(axis=1) & smooth
+        beyond = np.bincount(number[pairs[out]].max(axis=1), minlength=len(part))
+        yield Sheet(vertices, faces[part], normals[part], areas[part], flat[part], links, beyond, turn), part
 
 
 def _fine_creases(angle, pairs, free):

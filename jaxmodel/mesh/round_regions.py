@@ -42,7 +42,7 @@ FLATTER = 3.0
 
 class Sheet(NamedTuple):
     """One smooth part: its triangles, their smoothed normals, areas, flat region, and which are neighbours;
-    ``turn`` is the least cosine between such a normal and that of the surface the triangle lies on.
+    ``beyond`` counts the sides of each that lead out of the part without a crease of the object, ``turn`` is the least cosine between such a normal and that of the surface the triangle lies on.
     """
 
     vertices: Float[np.ndarray, "n 3"]
@@ -51,6 +51,7 @@ class Sheet(NamedTuple):
     areas: Float[np.ndarray, " m"]
     flat: Int[np.ndarray, " m"]
     pairs: Int[np.ndarray, "p 2"]
+    beyond: Int[np.ndarray, " m"]
     turn: float
 
 
@@ -140,7 +141,7 @@ def _grown(sheet: Sheet, part, surface, noise, smallest):
         surface = refine(surface, points, weights)
     mine = np.zeros(len(sheet.faces), bool)
     mine[region] = True
-    open_sides = (mine[sheet.pairs[:, 0]] != mine[sheet.pairs[:, 1]]).sum()
+    open_sides = (mine[sheet.pairs[:, 0]] != mine[sheet.pairs[:, 1]]).sum() + sheet.beyond[region].sum()
     strips = np.bincount(sheet.flat[region], area)
     strips = strips[strips > 0]
     rms, flat_rms = _rms(surface, points), _rms(fit_plane(points, weights), points)

@@ -51,11 +51,13 @@ class Primitive(NamedTuple):
 class Segmentation(NamedTuple):
     """``labels`` number the segment of each triangle, ``primitives[label]`` says what it is, the largest area first.
 
-    ``mesh`` is the mesh given with the vertices between primitives moved to where these meet, each by at most
+    ``parts`` number the smooth face of each triangle: segments that meet without a crease, as a plane and the rounding
+    of its edge, are one. ``mesh`` is the mesh given with the vertices between primitives moved to where these meet, each by at most
     ``snap_bound``; ``noise`` the standard deviation of its vertices across the surface. Lengths in the mesh's unit.
     """
 
     labels: Int[np.ndarray, " m"]
+    parts: Int[np.ndarray, " m"]
     primitives: list[Primitive]
     mesh: ObjectMesh
     noise: float
@@ -87,8 +89,9 @@ def segment(mesh: ObjectMesh, noise: float | None = None, snapping: bool = True)
     scatter = surface_noise(vertices, faces, shared) if noise is None else noise / frame.scale
     within = max(scatter, FLAT * edge)
     areas = np.linalg.norm(vectors, axis=1) / 2
-    found = label_faces(vertices, faces, shared, vectors, within, edge, exact=scatter <= FLAT * edge)
-    label, surfaces = _by_area(*found, areas)
+    exact = scatter <= FLAT * edge
+    label, surfaces, part = label_faces(vertices, faces, shared, vectors, within, edge, exact)
+    label, surfaces, part = _by_area(label, surfaces, part, areas)
     bound = SNAP * edge + REACH * within
     moved = snap(vertices, faces, label, surfaces, bound) if snapping else vertices
     given = np.asarray(mesh.vertices, np.float64)
@@ -97,6 +100,7 @@ def segment(mesh: ObjectMesh, noise: float | None = None, snapping: bool = True)
     labels[order] = label
     return Segmentation(
         labels=labels,
+        parts=part[labels],
         primitives=_primitives(label, surfaces, vertices, faces, areas, order, frame),
         mesh=ObjectMesh(placed, mesh.faces),
         noise=scatter * frame.scale,
@@ -105,12 +109,14 @@ def segment(mesh: ObjectMesh, noise: float | None = None, snapping: bool = True)
     )
 
 
-def _by_area(label, surfaces, areas):
-    """The segments numbered by falling area."""
+def _by_area(label, surfaces, part, areas):
+    """The segments, and the smooth faces they belong to, numbered by falling area."""
     rank = np.argsort(-np.bincount(label, areas, len(surfaces)), kind="stable")
     number = np.empty(len(rank), np.int64)
     number[rank] = np.arange(len(rank))
-    return number[label], [surfaces[k] for k in rank]
+    label, part = number[label], part[rank]
+    part_rank = np.argsort(-np.bincount(part[label], areas), kind="stable")
+    return label, [surfaces[k] for k in rank], np.argsort(part_rank)[part]
 
 
 def _primitives(label, surfaces: list[Surface], vertices, faces, areas, order, frame: Frame) -> list[Primitive]:
