@@ -18,9 +18,7 @@ class Agreement(NamedTuple):
     coverage: float
 
 
-def agreement(
-    labels: Int[np.ndarray, " m"], truth: Int[np.ndarray, " m"], areas: Float[np.ndarray, " m"]
-) -> Agreement:
+def agreement(labels: Int[np.ndarray, " m"], truth: Int[np.ndarray, " m"], areas: Float[np.ndarray, " m"]) -> Agreement:
     """Agreement of ``labels`` with ``truth``, triangle by triangle, weighted by area."""
     rows, columns = labels.max() + 1, truth.max() + 1
     shared = np.bincount(labels * columns + truth, areas, rows * columns).reshape(rows, columns)

@@ -10,7 +10,7 @@ REACH = 4.0
 """How far a scrap may lie from the surface that takes it in, in standard deviations."""
 ROUNDS = 6
 STRAIGHTEN = 1.0
-"""What each neighbour of another label counts against a label, in units of the squared distance over twice the variance."""
+"""What each neighbour of another label counts against a label, beside squared distances over twice the variance."""
 ISLAND = 0.25
 """Part of a primitive's area from which a piece cut off from it is a primitive of its own."""
 

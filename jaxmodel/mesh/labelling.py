@@ -53,7 +53,8 @@ def label_faces(
     smooth = angle < CREASE_DEG
     for crease in (lambda _: ~smooth, lambda rest: _fine_creases(angle, shared.pairs, rest)):
         rest = label < 0
-        for sheet, part in _sheets(vertices, faces, shared.pairs, normals, areas, flat, rest, crease(rest), smooth, turn):
+        sheets = _sheets(vertices, faces, shared.pairs, normals, areas, flat, rest, crease(rest), smooth, turn)
+        for sheet, part in sheets:
             if (part[0], len(part)) in searched:
                 continue
             found = round_regions(sheet, noise, SMALLEST * areas.sum())

@@ -11,6 +11,8 @@ from jaxmodel.errors import InputError
 from jaxmodel.mesh.adjacency import Adjacency, adjacency
 from jaxmodel.scan.triangle_mesh import ObjectMesh
 
+STRAIGHT = np.cos(np.deg2rad(30.0))
+"""Cosine of the largest bend of a surface that goes on through an edge where others meet it."""
 LOOSE = 0.5
 """Part of the edges without a neighbour from which corners of equal coordinates are taken as one."""
 
@@ -53,11 +55,47 @@ def checked(mesh: ObjectMesh) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray,
 
 
 def connected(vertices: Float[np.ndarray, "n 3"], faces: Int[np.ndarray, "m 3"]) -> Adjacency:
-    """Who shares an edge; corners at the same place are one where the triangles come loose, as in an STL file."""
+    """Who shares an edge; corners at the same place are one where the triangles come loose, as in an STL file.
+
+    Where more than two triangles meet in an edge, those that go straight on through it are neighbours.
+    """
     shared = adjacency(faces)
-    if (shared.faces == 1).mean() <= LOOSE:
+    if (shared.faces == 1).mean() > LOOSE:
+        faces = np.unique(vertices, axis=0, return_inverse=True)[1].reshape(-1)[faces]
+        shared = adjacency(faces)
+    if not (shared.faces > 2).any():
         return shared
-    return adjacency(np.unique(vertices, axis=0, return_inverse=True)[1].reshape(-1)[faces])
+    pairs, edge, turned = _straight_on(vertices, faces, shared)
+    order = np.argsort(np.concatenate([shared.pair_edge, edge]), kind="stable")
+    return shared._replace(
+        pairs=np.concatenate([shared.pairs, pairs])[order],
+        pair_edge=np.concatenate([shared.pair_edge, edge])[order],
+        turned=np.concatenate([shared.turned, turned])[order],
+    )
+
+
+def _straight_on(vertices, faces, shared: Adjacency):
+    """Pairs of triangles on crowded edges that have each other as the straightest continuation, both once."""
+    side = np.flatnonzero(shared.faces[shared.edge_of.reshape(-1)] > 2)
+    side = side[np.argsort(shared.edge_of.reshape(-1)[side], kind="stable")]
+    edge, face, corner = shared.edge_of.reshape(-1)[side], side // 3, side % 3
+    start, end, far = (faces[face, (corner + k) % 3] for k in range(3))
+    along = vertices[end] - vertices[start]
+    away = vertices[far] - vertices[start]
+    away = away - (np.einsum("ij,ij->i", away, along) / np.maximum((along**2).sum(axis=1), 1e-300))[:, None] * along
+    away = away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-300)
+    a, b = [], []
+    for step in range(1, int(shared.faces.max())):
+        same = np.flatnonzero(edge[:-step] == edge[step:])
+        a, b = [*a, same], [*b, same + step]
+    a, b = np.concatenate(a), np.concatenate(b)
+    cosine = np.einsum("ij,ij->i", away[a], away[b])
+    best = np.full(len(side), -STRAIGHT)
+    np.minimum.at(best, a, cosine)
+    np.minimum.at(best, b, cosine)
+    mutual = (cosine == best[a]) & (cosine == best[b])
+    a, b = a[mutual], b[mutual]
+    return np.stack([face[a], face[b]], axis=1), edge[a], start[a] == start[b]
 
 
 def turned_alike(vectors: Float[np.ndarray, "m 3"], shared: Adjacency) -> Float[np.ndarray, "m 3"]:

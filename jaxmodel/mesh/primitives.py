@@ -65,9 +65,7 @@ def round_guesses(
     bend = np.einsum("ski,ski->s", across, n) / spread
     on_axis = mean_p[:, 0] - bend[:, None] * mean_n[:, 0]
     spheres = [Surface("sphere", c, NOWHERE, abs(float(r))) for c, r in zip(centre, radius, strict=True)]
-    cylinders = [
-        Surface("cylinder", c, a, abs(float(r))) for c, a, r in zip(on_axis, axis, bend, strict=True)
-    ]
+    cylinders = [Surface("cylinder", c, a, abs(float(r))) for c, a, r in zip(on_axis, axis, bend, strict=True)]
     return spheres, cylinders
 
 

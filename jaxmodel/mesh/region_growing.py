@@ -80,9 +80,7 @@ def mean_square(
     return np.maximum(square / table[0] - along * along + (along - level) ** 2, 0.0)
 
 
-def grow_flat(
-    moments: Moments, pairs: Int[np.ndarray, "p 2"], noise: float
-) -> tuple[Int[np.ndarray, " m"], Moments]:
+def grow_flat(moments: Moments, pairs: Int[np.ndarray, "p 2"], noise: float) -> tuple[Int[np.ndarray, " m"], Moments]:
     """The region of each triangle, numbered from 0, and the sums of each region.
 
     ``pairs`` are neighbouring triangles in an order that does not depend on the order of the triangles, ``noise`` the

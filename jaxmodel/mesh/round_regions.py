@@ -41,8 +41,10 @@ FLATTER = 3.0
 
 
 class Sheet(NamedTuple):
-    """One smooth part: its triangles, their smoothed normals, areas, flat region, and which are neighbours;
-    ``beyond`` counts the sides of each that lead out of the part without a crease of the object, ``turn`` is the least cosine between such a normal and that of the surface the triangle lies on.
+    """One smooth part: its triangles, their smoothed normals, areas, flat region, and which are neighbours.
+
+    ``beyond`` counts the sides of each that lead out of the part without a crease of the object, ``turn`` is the least
+    cosine between such a normal and that of the surface the triangle lies on.
     """
 
     vertices: Float[np.ndarray, "n 3"]
@@ -60,9 +62,7 @@ def least_cosine(scatter: float) -> float:
     return float(np.cos(np.deg2rad(min(TURN_DEG + TURN_BY_NOISE_DEG * scatter, MOST_TURN_DEG))))
 
 
-def round_regions(
-    sheet: Sheet, noise: float, smallest: float
-) -> list[tuple[Surface, Int[np.ndarray, " k"]]]:
+def round_regions(sheet: Sheet, noise: float, smallest: float) -> list[tuple[Surface, Int[np.ndarray, " k"]]]:
     """Cylinders and spheres in one smooth part, the largest first, each with its triangles (rows of the sheet).
 
     ``smallest`` is the least area of a region. A region hangs together, does not look flat, consists of several flat
@@ -105,7 +105,8 @@ def _largest(sheet: Sheet, part, noise, smallest):
             inside = _agree(guess, corners, normals, width, sheet.turn)
             if inside.sum() < 6 or not np.isfinite(guess.radius):
                 break
-            guess = refine(guess, corners[inside].reshape(-1, 3), np.repeat(areas[inside], 3), STEPS if width > noise else 3 * STEPS)
+            steps = STEPS if width > noise else 3 * STEPS
+            guess = refine(guess, corners[inside].reshape(-1, 3), np.repeat(areas[inside], 3), steps)
         else:
             inside = _agree(guess, corners, normals, noise, sheet.turn)
             if inside.any() and _rms(guess, corners[inside].reshape(-1, 3)) <= LIKELY * SCATTER * noise:

@@ -52,8 +52,9 @@ class Segmentation(NamedTuple):
     """``labels`` number the segment of each triangle, ``primitives[label]`` says what it is, the largest area first.
 
     ``parts`` number the smooth face of each triangle: segments that meet without a crease, as a plane and the rounding
-    of its edge, are one. ``mesh`` is the mesh given with the vertices between primitives moved to where these meet, each by at most
-    ``snap_bound``; ``noise`` the standard deviation of its vertices across the surface. Lengths in the mesh's unit.
+    of its edge, are one. ``mesh`` is the mesh given with the vertices between primitives moved to where these meet,
+    each by at most ``snap_bound``; ``noise`` the standard deviation of its vertices across the surface. Lengths in the
+    mesh's unit.
     """
 
     labels: Int[np.ndarray, " m"]

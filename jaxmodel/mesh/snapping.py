@@ -57,7 +57,7 @@ def _meetings(faces, label, count):
 
 
 def _meet(points, names, surfaces):
-    """The nearest points on all the surfaces named, by Newton's steps of least length, and where there is a sharp one."""
+    """The nearest points on all the surfaces named, by Newton's steps of least length, and where these meet sharply."""
     target = points.copy()
     sharp = np.zeros(len(points), bool)
     for _ in range(STEPS):

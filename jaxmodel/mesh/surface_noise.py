@@ -16,9 +16,7 @@ FIT_QUARTILE = 0.852
 """Lower quartile of the rms residual of 20 points about a fit of 6 parameters, in standard deviations."""
 
 
-def surface_noise(
-    vertices: Float[np.ndarray, "n 3"], faces: Int[np.ndarray, "m 3"], shared: Adjacency
-) -> float:
+def surface_noise(vertices: Float[np.ndarray, "n 3"], faces: Int[np.ndarray, "m 3"], shared: Adjacency) -> float:
     """Standard deviation of the vertices across the surface, in the mesh's unit.
 
     The smaller of two lower quartiles, so that up to three quarters of the places may lie on creases. Neighbouring
