@@ -16,7 +16,7 @@ SMALLEST = 2e-3
 """Area of the smallest round primitive, and of the smallest plane that is not sure, in the mesh's area."""
 BOUNDED = 0.6
 """Part of a small flat region's border that must be creases, borders or other primitives for it to be a plane."""
-RINGS = 6
+RINGS = 12
 FEW = 24
 """Triangles of a scrap that may lie farther from the surface that takes it in than bridges over a crease do."""
 ALONE = 0.9

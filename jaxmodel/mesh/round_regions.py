@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from jaxmodel.mesh.adjacency import face_components
 from jaxmodel.mesh.primitives import Surface, fit_plane, offset, refine, round_guesses
 
-SAMPLES, SEEDS, TRIED = 600, 30, 8
+SAMPLES, SEEDS, TRIED = 600, 30, 6
 STEPS = 2
 """Gauss-Newton steps of a guess each time its region narrows."""
 MOST_TRIANGLES = 4000
@@ -97,13 +97,13 @@ def _largest(sheet: Sheet, part, noise, smallest):
     widths = [times * noise + part_of_chord * chord for times, part_of_chord in NARROWING]
     size = float(np.ptp(middle, axis=0).max())
     guesses = [guess for guess in guesses if np.isfinite(guess.radius) and guess.radius < 20 * size]
-    share = [areas[_agree(guess, corners[:, :1], normals, widths[0], sheet.turn)].sum() for guess in guesses]
+    share = _shares(guesses, corners[:, 0], normals, areas, widths[0], sheet.turn)
     tried = [guesses[k] for k in np.argsort(share, kind="stable")[::-1][:TRIED]]
     scored = []
     for guess in tried:
         for width in widths:
             inside = _agree(guess, corners, normals, width, sheet.turn)
-            if inside.sum() < 6 or not np.isfinite(guess.radius):
+            if inside.sum() < 6 or areas[inside].sum() < smallest or not np.isfinite(guess.radius):
                 break
             steps = STEPS if width > noise else 3 * STEPS
             guess = refine(guess, corners[inside].reshape(-1, 3), np.repeat(areas[inside], 3), steps)
@@ -116,6 +116,19 @@ def _largest(sheet: Sheet, part, noise, smallest):
         if region is not None:
             return region
     return None
+
+
+def _shares(guesses: list[Surface], points, normals, areas, noise, turn):
+    """The area that agrees with each guess, judged by one corner of each triangle."""
+    if not guesses:
+        return np.zeros(0)
+    direction = np.nan_to_num(np.array([guess.direction for guess in guesses]))
+    local = points - np.array([guess.point for guess in guesses])[:, None]
+    along = np.einsum("gni,gi->gn", local, direction)
+    reach = np.sqrt(np.maximum(np.einsum("gni,gni->gn", local, local) - along**2, 1e-300))
+    facing = np.abs(np.einsum("gni,ni->gn", local, normals) - along * (direction @ normals.T)) >= turn * reach
+    close = np.abs(reach - np.array([guess.radius for guess in guesses])[:, None]) <= WITHIN * noise
+    return (facing & close) @ areas
 
 
 def _agree(surface: Surface, corners, normals, noise, turn):
