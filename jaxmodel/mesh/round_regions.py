@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from jaxmodel.mesh.adjacency import face_components
 from jaxmodel.mesh.primitives import Surface, fit_plane, offset, refine, round_guesses
 
-SAMPLES, SEEDS, TRIED = 600, 30, 6
+SAMPLES, SEEDS, TRIED = 600, 30, 12
 STEPS = 2
 """Gauss-Newton steps of a guess each time its region narrows."""
 MOST_TRIANGLES = 4000
@@ -86,6 +86,7 @@ def _largest(sheet: Sheet, part, noise, smallest):
     sample = part[np.unique(np.searchsorted(running, place))]
     corners = sheet.vertices[sheet.faces[sample]]
     middle, normals, areas = corners.mean(axis=1), sheet.normals[sample], sheet.areas[sample]
+    least = smallest * areas.sum() / running[-1]
     seeds = np.arange(0, len(sample), max(1, len(sample) // SEEDS))
     near = cKDTree(middle).query(middle[seeds], k=min(SCALES[-1], len(sample)))[1]
     guesses: list[Surface] = []
@@ -99,19 +100,22 @@ def _largest(sheet: Sheet, part, noise, smallest):
     guesses = [guess for guess in guesses if np.isfinite(guess.radius) and guess.radius < 20 * size]
     share = _shares(guesses, corners[:, 0], normals, areas, widths[0], sheet.turn)
     tried = [guesses[k] for k in np.argsort(share, kind="stable")[::-1][:TRIED]]
-    scored = []
-    for guess in tried:
-        for width in widths:
+    for width, following in zip(widths, [*widths[1:], noise], strict=True):
+        steps = STEPS if width > noise else 3 * STEPS
+        fitted = []
+        for guess in tried:
             inside = _agree(guess, corners, normals, width, sheet.turn)
-            if inside.sum() < 6 or areas[inside].sum() < smallest or not np.isfinite(guess.radius):
-                break
-            steps = STEPS if width > noise else 3 * STEPS
+            if inside.sum() < 6:
+                continue
             guess = refine(guess, corners[inside].reshape(-1, 3), np.repeat(areas[inside], 3), steps)
-        else:
-            inside = _agree(guess, corners, normals, noise, sheet.turn)
-            if inside.any() and _rms(guess, corners[inside].reshape(-1, 3)) <= LIKELY * SCATTER * noise:
-                scored.append((float(areas[inside].sum()), guess))
-    for _, guess in sorted(scored, key=lambda entry: -entry[0])[:2]:
+            inside = _agree(guess, corners, normals, following, sheet.turn)
+            if areas[inside].sum() >= least:
+                fitted.append((float(areas[inside].sum()), _rms(guess, corners[inside].reshape(-1, 3)), guess))
+        # the worse half is not worth another fit
+        fitted.sort(key=lambda entry: -entry[0])
+        tried = [guess for _, _, guess in fitted[: max(2, (len(tried) + 1) // 2)]]
+    likely = [guess for _, rms, guess in fitted if rms <= LIKELY * SCATTER * noise]
+    for guess in likely[:2]:
         region = _grown(sheet, part, guess, noise, smallest)
         if region is not None:
             return region
