@@ -78,7 +78,7 @@ def label_faces(
     label = take_in_scraps(vertices, faces, shared.pairs, surfaces, label, 1.5 * near + edge, RINGS, FEW)
     surfaces = _fitted(vertices, faces, areas, label, surfaces)
     label, surfaces = _with_free_form(label, surfaces, shared.pairs, angle, areas)
-    return label, surfaces, smooth_joins(vertices, shared, normals, label, surfaces)
+    return label, surfaces, smooth_joins(vertices, faces, shared, normals, label, surfaces)
 
 
 def _take_planes(label, surfaces, flat, moments: Moments, regions):

@@ -54,24 +54,37 @@ def checked(mesh: ObjectMesh) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray,
     return inner, faces, frame
 
 
-def connected(vertices: Float[np.ndarray, "n 3"], faces: Int[np.ndarray, "m 3"]) -> Adjacency:
-    """Who shares an edge; corners at the same place are one where the triangles come loose, as in an STL file.
+class Joined(NamedTuple):
+    """A mesh whose triangles share corners: ``place`` is the row in ``vertices`` of each vertex it was made from."""
+
+    vertices: Float[np.ndarray, "k 3"]
+    faces: Int[np.ndarray, "m 3"]
+    place: Int[np.ndarray, " n"]
+    shared: Adjacency
+
+
+def joined(vertices: Float[np.ndarray, "n 3"], faces: Int[np.ndarray, "m 3"]) -> Joined:
+    """Who shares an edge; corners at the same place become one where the triangles come loose, as in an STL file.
 
     Where more than two triangles meet in an edge, those that go straight on through it are neighbours.
     """
+    place = np.arange(len(vertices))
     shared = adjacency(faces)
     if (shared.faces == 1).mean() > LOOSE:
-        faces = np.unique(vertices, axis=0, return_inverse=True)[1].reshape(-1)[faces]
+        vertices, place = np.unique(vertices, axis=0, return_inverse=True)
+        place = place.reshape(-1)
+        faces = place[faces]
         shared = adjacency(faces)
     if not (shared.faces > 2).any():
-        return shared
+        return Joined(vertices, faces, place, shared)
     pairs, edge, turned = _straight_on(vertices, faces, shared)
     order = np.argsort(np.concatenate([shared.pair_edge, edge]), kind="stable")
-    return shared._replace(
+    shared = shared._replace(
         pairs=np.concatenate([shared.pairs, pairs])[order],
         pair_edge=np.concatenate([shared.pair_edge, edge])[order],
         turned=np.concatenate([shared.turned, turned])[order],
     )
+    return Joined(vertices, faces, place, shared)
 
 
 def _straight_on(vertices, faces, shared: Adjacency):

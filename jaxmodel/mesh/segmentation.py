@@ -13,7 +13,7 @@ from jaxmodel.errors import InputError
 from jaxmodel.mesh.adjacency import face_vectors
 from jaxmodel.mesh.boundaries import REACH
 from jaxmodel.mesh.labelling import label_faces
-from jaxmodel.mesh.mesh_input import Frame, checked, connected, turned_alike
+from jaxmodel.mesh.mesh_input import Frame, checked, joined, turned_alike
 from jaxmodel.mesh.primitives import Kind, Surface, offset
 from jaxmodel.mesh.snapping import snap
 from jaxmodel.mesh.surface_noise import surface_noise
@@ -80,10 +80,9 @@ def segment(mesh: ObjectMesh, noise: float | None = None, snapping: bool = True)
     """
     if noise is not None and not (np.isfinite(noise) and noise >= 0):
         raise InputError(f"The noise of a mesh is a length of zero or more, not {noise}.")
-    vertices, faces, frame = checked(mesh)
+    inner, faces, frame = checked(mesh)
     order = np.lexsort(np.sort(faces, axis=1).T[::-1])
-    faces = faces[order]
-    shared = connected(vertices, faces)
+    vertices, faces, place, shared = joined(inner, faces[order])
     vectors = turned_alike(face_vectors(vertices, faces), shared)
     ends = vertices[shared.edges]
     edge = float(np.median(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)))
@@ -96,7 +95,7 @@ def segment(mesh: ObjectMesh, noise: float | None = None, snapping: bool = True)
     bound = SNAP * edge + REACH * within
     moved = snap(vertices, faces, label, surfaces, bound) if snapping else vertices
     given = np.asarray(mesh.vertices, np.float64)
-    placed = np.where(moved == vertices, given, moved * frame.scale + frame.centre)
+    placed = np.where((moved == vertices)[place], given, moved[place] * frame.scale + frame.centre)
     labels = np.empty(len(faces), np.int64)
     labels[order] = label
     return Segmentation(
