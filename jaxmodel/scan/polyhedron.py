@@ -2,7 +2,7 @@
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.spatial import HalfspaceIntersection
+from scipy.spatial import HalfspaceIntersection, QhullError
 
 from jaxmodel.errors import InputError
 from jaxmodel.scan.triangle_mesh import ObjectMesh, unit_sized
@@ -16,7 +16,11 @@ def polyhedron(
     """
     if (distances <= 0).any():
         raise InputError("The planes of a polyhedron must leave the origin inside: all distances above zero.")
-    corners = HalfspaceIntersection(np.column_stack([normals, -distances]), np.zeros(3)).intersections
+    try:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            corners = HalfspaceIntersection(np.column_stack([normals, -distances]), np.zeros(3)).intersections
+    except QhullError:  # fewer than four planes, or all through one line
+        corners = np.full((1, 3), np.inf)
     if not np.isfinite(corners).all():
         raise InputError("The planes do not close a polyhedron in: some side of it is open.")
     size = np.ptp(corners, axis=0).max()
