@@ -38,19 +38,33 @@ def measured(mesh: ObjectMesh, times: int, noise: float) -> tuple[Segmentation, 
     return found, agreement(found.labels, truth, areas), agreement(found.parts, truth, areas)
 
 
+CASES = [(0, 0.0), (0, 5e-4), (0, 1e-3), (1, 0.0), (1, 5e-4), (1, 1e-3)]
+
+
 @pytest.mark.data
-@pytest.mark.parametrize(("times", "noise"), [(0, 0.0), (0, 5e-4), (0, 1e-3), (1, 1e-3)])
-def test_a_cad_part_comes_apart_into_its_faces(fandisk: ObjectMesh, times: int, noise: float) -> None:
+@pytest.mark.parametrize(("times", "noise"), CASES)
+def test_segments_lie_within_the_faces_of_a_cad_part(fandisk: ObjectMesh, times: int, noise: float) -> None:
     found, segments, parts = measured(fandisk, times, noise)
     assert segments.purity >= 0.9 and parts.purity >= 0.9
-    assert parts.matched >= 0.9
     area = sum(primitive.area for primitive in found.primitives)
     assert found.primitives[0].kind == "plane" and found.primitives[0].area > 0.2 * area
     assert found.count("plane") >= 8
-    # two of its cylinders, by their radii in the CAD mesh
+    if (times, noise) == (1, 0.0):
+        return  # cut finer without noise, its cylinders have vertices on their chords: exactly polyhedra
     radii = np.array([p.radius for p in found.primitives if p.kind == "cylinder" and p.area > 0.02 * area])
     for radius in (2.125, 1.642):
         assert np.abs(radii / radius - 1).min() < (1e-3 if noise == 0 else 0.01)
+
+
+SHORT = pytest.mark.xfail(strict=True, reason="0.884: two faces that a crease of about ten degrees parts are joined")
+
+
+@pytest.mark.data
+@pytest.mark.parametrize(
+    ("times", "noise"), [pytest.param(*case, marks=SHORT if case == (1, 5e-4) else ()) for case in CASES]
+)
+def test_smooth_parts_are_the_faces_of_a_cad_part(fandisk: ObjectMesh, times: int, noise: float) -> None:
+    assert measured(fandisk, times, noise)[2].matched >= 0.9
 
 
 @pytest.mark.data
