@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.spatial import cKDTree
+from scipy.spatial import cKDTree  # pyright: ignore[reportAttributeAccessIssue]
 
 from jaxmodel.mesh.adjacency import face_components
 from jaxmodel.mesh.primitives import Surface, fit_plane, offset, refine, round_guesses
