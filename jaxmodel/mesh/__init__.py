@@ -2,5 +2,8 @@
 
 from jaxmodel.mesh.ball_pivoting import Pivoting, ball_pivot, ball_pivoting
 from jaxmodel.mesh.quality import Quality, quality
+from jaxmodel.mesh.segmentation import Outcome, Primitive, Segmentation, segment
 
-__all__ = ["Pivoting", "Quality", "ball_pivot", "ball_pivoting", "quality"]
+__all__ = [
+    "Outcome", "Pivoting", "Primitive", "Quality", "Segmentation", "ball_pivot", "ball_pivoting", "quality", "segment",
+]  # fmt: skip
