@@ -61,9 +61,8 @@ def _ball_pivoting(measured: Measured, options: Options) -> Made:
 
 
 def _ball_sentence(result: Pivoting) -> str:
-    last = result.passes[-1]
-    ended = "no border was left" if last.border_edges == 0 else f"a border of {last.border_edges} edges was left"
-    return f"after {len(result.passes)} pass{'es' if len(result.passes) > 1 else ''} of the ball {ended}"
+    passes = f"after {len(result.passes)} pass{'es' if len(result.passes) > 1 else ''} of the ball"
+    return f"{passes} and {result.closing} triangles that close holes" if result.closing > 0 else passes
 
 
 def _deformable(measured: Measured, options: Options) -> Made:
