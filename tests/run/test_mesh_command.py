@@ -1,4 +1,4 @@
-"""``jaxmodel mesh``: the files it writes say what the mesh is, and bad input is one sentence with nothing left behind."""
+"""``jaxmodel mesh``: its files say what the mesh is; bad input is one sentence, with nothing left behind."""
 
 import json
 from collections.abc import Callable
@@ -186,7 +186,7 @@ def test_a_conf_names_its_scans(tmp_path: Path) -> None:
     lines = "camera 0 0 0 0 0 0 1\nbmesh one.ply 0 0 0 0 0 0 1\nbmesh two.ply 1 2 3 0 0 0 1\n"
     (tmp_path / "both.conf").write_text(lines)
     together = read_clouds([], tmp_path / "both.conf")
-    np.testing.assert_allclose(together.points[50:], sphere(60) + [1, 2, 3])
+    np.testing.assert_allclose(together.points[50:], sphere(60) + np.array([1.0, 2.0, 3.0]))
     assert together.normals is None and together.eyes is None
     assert together.notes == ("1 of 2 files have no normals: all were estimated anew",)
 
