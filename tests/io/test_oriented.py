@@ -45,7 +45,7 @@ def test_six_columns_of_text(tmp_path: Path, separator: str) -> None:
 
 
 def test_six_columns_that_are_colours_are_no_normals(tmp_path: Path) -> None:
-    (tmp_path / "cloud.xyz").write_text("\n".join(" ".join([*row[:3], "0.2", "0.9", "0.4"]) for row in ROWS))
+    (tmp_path / "cloud.xyz").write_text("\n".join(" ".join([*row[:3], "0.2", "0.3", "0.4"]) for row in ROWS))
     assert read(tmp_path / "cloud.xyz").normals is None
 
 
