@@ -1,6 +1,7 @@
 """Pose files: Stanford ``.conf``, JSON and plain 4 x 4 matrices, with their rotations checked."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -110,15 +111,32 @@ def load_truth(path: str | Path, target_path: str | Path, source_path: str | Pat
     ``path`` is a ``.conf``, a JSON file ``{scan name: T_world_scan (4, 4)}`` (names with or without extension), or a
     transform as :func:`load_transform` takes it. Raises :class:`InputError` naming the file and the absent scan.
     """
-    path = Path(path)
-    if path.suffix.lower() == ".conf":
-        poses = read_conf(path)
-    elif path.suffix.lower() == ".json" and isinstance(value := _read_json(path), dict) and _holds_poses(value):
-        poses = {_scan_name(name): _rigid(matrix, f"{path}, scan {name!r}") for name, matrix in value.items()}
-    else:
+    poses = _named_poses(Path(path))
+    if poses is None:
         return load_transform(path)
-    T_world_target, T_world_source = (_pose_of(poses, Path(p), path) for p in (target_path, source_path))
+    T_world_target, T_world_source = (_pose_of(poses, Path(p), Path(path)) for p in (target_path, source_path))
     return relative_pose(T_world_target, T_world_source)
+
+
+def load_scan_poses(path: str | Path, scans: Sequence[str | Path]) -> list[Float[np.ndarray, "4 4"]]:
+    """``T_world_scan`` of each scan file, from a ``.conf`` or a JSON of poses (see :func:`load_truth`).
+
+    Raises :class:`InputError` naming the file and the absent scan.
+    """
+    path = Path(path)
+    poses = _named_poses(path)
+    if poses is None:
+        raise InputError(f"{path}: expected a Stanford .conf, or JSON {{scan name: T_world_scan, 4 x 4}}.")
+    return [_pose_of(poses, Path(scan), path) for scan in scans]
+
+
+def _named_poses(path: Path) -> dict[str, Float[np.ndarray, "4 4"]] | None:
+    """The poses of a file that names its scans, None for any other."""
+    if path.suffix.lower() == ".conf":
+        return read_conf(path)
+    if path.suffix.lower() == ".json" and isinstance(value := _read_json(path), dict) and _holds_poses(value):
+        return {_scan_name(name): _rigid(matrix, f"{path}, scan {name!r}") for name, matrix in value.items()}
+    return None
 
 
 def relative_pose(

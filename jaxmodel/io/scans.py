@@ -47,6 +47,8 @@ def _load_ply(path: Path) -> RangeImage | Cloud:
     header = read_ply_header(content, path)
     if "range_grid" in header.counts:
         return read_range_grid(content, path)
+    if header.counts.get("vertex", 0) == 0:
+        raise InputError(f"{path} is empty: expected at least 3 vertices, its header promises none.")
     from jaxmodel.io.meshes import load_vertices
 
     promised = " and ".join(f"{count} {element} rows" for element, count in header.counts.items())

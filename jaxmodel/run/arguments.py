@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 import tyro
 
 from jaxmodel.run.calibrate_arguments import Calibrate
+from jaxmodel.run.meshing.arguments import Mesh
 
 _Positional = tyro.conf.Positional
 ControlPointsKind = Literal["subsample", "vertices", "contours", "split_vertices"]
@@ -162,13 +163,14 @@ class Data:
     )
 
 
-AnyCommand = Run | Sweep | Register | Calibrate | Report | Data
+AnyCommand = Run | Sweep | Register | Calibrate | Mesh | Report | Data
 
 _Command = (
     Annotated[Run, tyro.conf.subcommand("run")]
     | Annotated[Sweep, tyro.conf.subcommand("sweep")]
     | Annotated[Register, tyro.conf.subcommand("register")]
     | Annotated[Calibrate, tyro.conf.subcommand("calibrate")]
+    | Annotated[Mesh, tyro.conf.subcommand("mesh")]
     | Annotated[Report, tyro.conf.subcommand("report")]
     | Annotated[Data, tyro.conf.subcommand("data")]
 )
@@ -180,7 +182,7 @@ def parse(words: list[str]) -> tuple[AnyCommand, list[tuple[str, str]]]:
     command = tyro.cli(
         _Command,  # pyright: ignore[reportArgumentType]
         prog="jaxmodel",
-        description="Range images in, a registered object model out.",
+        description="Range images in, a registered and meshed object model out.",
         args=words,
         config=(tyro.conf.OmitArgPrefixes, tyro.conf.OmitSubcommandPrefixes),
     )

@@ -64,5 +64,9 @@ def _run(command: arguments.AnyCommand, changes: list[tuple[str, str]], words: l
             from jaxmodel.run.calibrate_command import calibrate
 
             calibrate(command, line)
+        case arguments.Mesh():
+            from jaxmodel.run.meshing.command import mesh
+
+            mesh(command, line)
         case arguments.Report():
             commands.report(command)

@@ -37,9 +37,13 @@ def write_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]
 
 
 class Progress:
-    """A progress bar with starts per second and time left, drawn only when a person is watching standard error."""
+    """A progress bar with time left, drawn only when a person is watching standard error.
 
-    def __init__(self) -> None:
+    ``unit`` is what is counted, for its number per second; without one that is not shown.
+    """
+
+    def __init__(self, unit: str = "starts") -> None:
+        self._unit = unit
         self._bar: Any = None
         self._task: Any = None
 
@@ -79,4 +83,4 @@ class Progress:
         if self._bar is not None and self._task is not None:
             self._bar.advance(self._task, items)
             speed = self._bar.tasks[0].speed
-            self._bar.update(self._task, rate=f"{speed:.0f} starts/s" if speed else "")
+            self._bar.update(self._task, rate=f"{speed:.0f} {self._unit}/s" if speed and self._unit else "")

@@ -15,6 +15,7 @@ from typing import Any
 from jaxmodel.view.axis_sphere import AxisSphere, sphere_plot
 from jaxmodel.view.chart_drawing import panel_plot
 from jaxmodel.view.charts import Chart, Picture
+from jaxmodel.view.mesh_view import MeshView, mesh_plot
 from jaxmodel.view.report_plots import PairView, pair_plots
 from jaxmodel.view.table import Table
 
@@ -25,7 +26,7 @@ def render_report(
     title: str,
     facts: Mapping[str, str],
     tables: Sequence[Table],
-    sections: Sequence[PairView | Chart | Picture | AxisSphere],
+    sections: Sequence[PairView | Chart | Picture | AxisSphere | MeshView],
     note: str = "",
 ) -> str:
     """The whole page as HTML text; it loads nothing from anywhere.
@@ -59,7 +60,9 @@ def render_report(
     return re.sub(r"\{\{([A-Z]+)\}\}", lambda found: parts[found.group(1)], page)
 
 
-def _section(number: int, section: PairView | Chart | Picture | AxisSphere) -> tuple[str, dict[str, Any], str]:
+def _section(
+    number: int, section: PairView | Chart | Picture | AxisSphere | MeshView
+) -> tuple[str, dict[str, Any], str]:
     """Its name, its plots by the name of their box, and further HTML."""
     match section:
         case PairView():
@@ -69,6 +72,8 @@ def _section(number: int, section: PairView | Chart | Picture | AxisSphere) -> t
             return section.title, drawn, ""
         case AxisSphere():
             return section.title, {f"sphere{number}": sphere_plot(section)}, ""
+        case MeshView():
+            return section.name, {f"mesh{number}": mesh_plot(section)}, ""
         case Picture():
             data = base64.b64encode(section.png).decode()
             return section.title, {}, f'<img alt="{html.escape(section.title)}" src="data:image/png;base64,{data}">'

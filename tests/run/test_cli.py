@@ -20,7 +20,18 @@ HEAVY = ("jax", "open3d", "polars", "matplotlib", "plotly", "scipy", "numpy", "t
 
 @pytest.mark.parametrize(
     "words",
-    [[], ["run"], ["sweep"], ["register"], ["calibrate"], ["report"], ["data"], ["data", "list"], ["data", "fetch"]],
+    [
+        [],
+        ["run"],
+        ["sweep"],
+        ["register"],
+        ["calibrate"],
+        ["mesh"],
+        ["report"],
+        ["data"],
+        ["data", "list"],
+        ["data", "fetch"],
+    ],
 )
 def test_help_has_an_example_and_imports_nothing_heavy(words: list[str]) -> None:
     script = (
