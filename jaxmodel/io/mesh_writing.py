@@ -1,7 +1,7 @@
 """Triangle meshes as the bytes of PLY, OBJ and STL files."""
 
 import numpy as np
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Float, UInt8
 
 from jaxmodel.scan.triangle_mesh import ObjectMesh
 
@@ -65,17 +65,3 @@ def _stl(mesh: ObjectMesh) -> bytes:
     rows = np.zeros(len(corners), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
     rows["normal"], rows["corners"] = across / np.where(length > 0, length, 1.0), corners
     return b"binary STL".ljust(80) + np.uint32(len(rows)).tobytes() + rows.tobytes()
-
-
-def vertex_normals(mesh: ObjectMesh) -> Float[np.ndarray, "n 3"]:
-    """Unit normals of the vertices, the mean over their triangles weighted by area; zero for a vertex without."""
-    corners = np.asarray(mesh.vertices, np.float64)[mesh.faces]
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    total = _summed(across, mesh.faces, len(mesh.vertices))
-    length = np.linalg.norm(total, axis=1, keepdims=True)
-    return total / np.where(length > 0, length, 1.0)
-
-
-def _summed(across: Float[np.ndarray, "m 3"], faces: Int[np.ndarray, "m 3"], count: int) -> Float[np.ndarray, "n 3"]:
-    weights = np.repeat(across, 3, axis=0)
-    return np.stack([np.bincount(faces.reshape(-1), weights[:, k], count) for k in range(3)], axis=1)

@@ -7,6 +7,8 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from jaxmodel.scan.triangle_mesh import ObjectMesh
+
 
 class Adjacency(NamedTuple):
     """The edges of ``m`` triangles over ``n`` vertices.
@@ -70,8 +72,24 @@ def face_vectors(vertices: Float[np.ndarray, "n 3"], faces: Int[np.ndarray, "m 3
     return np.cross(b - a, c - a)
 
 
+def border_length(vertices: Float[np.ndarray, "n 3"], shared: Adjacency) -> float:
+    """Total length of the edges with one triangle."""
+    ends = vertices[shared.edges[shared.faces == 1]]
+    return float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).sum())
+
+
 def face_normals(vertices: Float[np.ndarray, "n 3"], faces: Int[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"]:
     """Unit normals, counter-clockwise seen from outside; zero for a triangle without area."""
     vectors = face_vectors(vertices, faces)
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     return vectors / np.where(length > 0, length, 1.0)
+
+
+def vertex_normals(mesh: ObjectMesh) -> Float[np.ndarray, "n 3"]:
+    """Unit normals at the vertices, the mean of their triangles' by area; zero without a triangle."""
+    total = np.zeros(mesh.vertices.shape)
+    vectors = face_vectors(mesh.vertices, mesh.faces)
+    for axis in range(3):
+        total[:, axis] = np.bincount(mesh.faces.reshape(-1), np.repeat(vectors[:, axis], 3), len(mesh.vertices))
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    return total / np.where(length > 0, length, 1.0)

@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 from jaxmodel.errors import InputError
 from jaxmodel.mesh.closing import along_points, close, near_points
 from jaxmodel.mesh.growth import rests
-from jaxmodel.mesh.manifold import clean, without_small_parts
+from jaxmodel.mesh.manifold import clean, used_vertices, without_small_parts
 from jaxmodel.mesh.passes import Pass, Radii, run_passes
 from jaxmodel.mesh.prepare import Eyes, prepare
 from jaxmodel.mesh.radii import cloud_scale, first_radius, thinning_distance, widest_gap
@@ -111,17 +111,16 @@ def ball_pivoting(
     accept = near_points(tree, reach, vertices)
     faces = close(vertices, vertex_normals, faces, accept=accept if closing else lambda patch: False)
     faces = without_small_parts(vertices, faces, smallest_part)
-    used = np.zeros(len(vertices), bool)
-    used[faces] = True
+    used, renumbered = used_vertices(faces, len(vertices))
     return Pivoting(
-        mesh=ObjectMesh(vertices[used], (np.cumsum(used) - 1)[faces]),
+        mesh=ObjectMesh(vertices[used], renumbered),
         normals=vertex_normals[used],
         weight=weight[used],
         source=source[used],
         passes=passes,
         closing=len(faces) - pivoted,
         thinned=distance,
-        unused=source[~used],
+        unused=np.delete(source, used),
         bad_normals=oriented.bad,
         turned=oriented.turned,
         estimated=oriented.estimated,

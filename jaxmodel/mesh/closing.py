@@ -4,7 +4,6 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import KDTree
 
-from jaxmodel.mesh.adjacency import adjacency
 from jaxmodel.mesh.holes import MOST_EDGES, Accept, close_holes, patch_over, ring_outline
 from jaxmodel.mesh.manifold import clean
 
@@ -73,10 +72,3 @@ def _wider_patch(
                 return np.concatenate([rest, patch])
         inside[faces[ring]] = True
     return faces
-
-
-def border_length(vertices: Float[np.ndarray, "n 3"], faces: Int[np.ndarray, "m 3"]) -> float:
-    """Total length of the edges with one triangle."""
-    shared = adjacency(faces)
-    ends = vertices[shared.edges[shared.faces == 1]]
-    return float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).sum())

@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from jaxmodel.errors import InputError
-from jaxmodel.mesh.adjacency import adjacency, face_vectors
+from jaxmodel.mesh.adjacency import adjacency, face_vectors, vertex_normals
 from jaxmodel.mesh.ball_pivoting import Pivoting, Thinning, ball_pivoting
 from jaxmodel.mesh.closing import close
 from jaxmodel.mesh.holes import MOST_EDGES
@@ -69,14 +68,3 @@ def border_radius(mesh: ObjectMesh) -> float:
     doubled = np.linalg.norm(face_vectors(mesh.vertices, faces), axis=1)
     radius = sides[doubled > 0].prod(axis=1) / (2 * doubled[doubled > 0])
     return float(np.quantile(radius, FIT)) if len(radius) else 0.0
-
-
-def vertex_normals(mesh: ObjectMesh) -> Float[np.ndarray, "n 3"]:
-    """Unit normals at the vertices, the mean of their triangles' by area; zero without a triangle."""
-    total = np.zeros_like(mesh.vertices)
-    vectors = face_vectors(mesh.vertices, mesh.faces)
-    for axis in range(3):
-        weights = np.repeat(vectors[:, axis], 3)
-        total[:, axis] = np.bincount(mesh.faces.reshape(-1), weights, len(mesh.vertices))
-    length = np.linalg.norm(total, axis=1, keepdims=True)
-    return total / np.where(length > 0, length, 1.0)

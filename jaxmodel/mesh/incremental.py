@@ -11,7 +11,7 @@ from jaxmodel.mesh.adjacency import adjacency, face_components
 from jaxmodel.mesh.ball_pivoting import ball_pivoting
 from jaxmodel.mesh.closing import close, near_points
 from jaxmodel.mesh.growth import grow, open_vertices
-from jaxmodel.mesh.manifold import without_small_parts
+from jaxmodel.mesh.manifold import used_vertices, without_small_parts
 from jaxmodel.mesh.prepare import Eyes, Prepared, prepare
 from jaxmodel.mesh.projection import project
 from jaxmodel.mesh.radii import GROWTH, cloud_scale, widest_gap
@@ -201,9 +201,7 @@ def _rolled(
 
 def _without_idle(model: GrowingMesh) -> GrowingMesh:
     """``model`` without the vertices no triangle uses."""
-    used = np.zeros(len(model.vertices), bool)
-    used[model.faces] = True
-    faces = (np.cumsum(used) - 1)[model.faces]
+    used, faces = used_vertices(model.faces, len(model.vertices))
     return GrowingMesh(model.vertices[used], model.normals[used], model.weight[used], faces, model.distance)
 
 

@@ -1,5 +1,7 @@
 """Triangles that can be one surface: those dropped that fold over, crowd an edge, or touch the rest in a point only."""
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_matrix
@@ -21,7 +23,7 @@ def clean(
     ``fixed`` have triangles beyond ``faces``: their fans are not judged.
     """
     faces = distinct(faces)
-    agree = agreement(vertices, normals, faces)
+    agree = facing(vertices, normals, faces)
     faces = np.where((agree < 0)[:, None], faces[:, [0, 2, 1]], faces)
     merit = np.abs(agree)
     keep = merit > 0
@@ -44,7 +46,7 @@ def distinct(faces: Int[np.ndarray, "m 3"]) -> Int[np.ndarray, "k 3"]:
     return faces[proper[np.sort(first)]]
 
 
-def agreement(
+def facing(
     vertices: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"], faces: Int[np.ndarray, "m 3"]
 ) -> Float[np.ndarray, " m"]:
     """Cosine between a triangle's normal and the mean of its corners' ``normals``; 0 where one of them is missing."""
@@ -61,6 +63,20 @@ def without_small_parts(
     count, part = face_components(len(faces), adjacency(faces).pairs)
     large = np.bincount(part, area, count) >= share * area.sum()
     return faces[large[part]]
+
+
+class Used(NamedTuple):
+    """``faces`` numbering only the vertices they use: ``rows`` of those among all."""
+
+    rows: Int[np.ndarray, " k"]
+    faces: Int[np.ndarray, "m 3"]
+
+
+def used_vertices(faces: Int[np.ndarray, "m 3"], count: int) -> Used:
+    """The vertices of ``count`` that ``faces`` use, and the same triangles over these alone."""
+    used = np.zeros(count, bool)
+    used[faces] = True
+    return Used(np.flatnonzero(used), (np.cumsum(used) - 1)[faces])
 
 
 def _on_bad_edges(faces: Int[np.ndarray, "m 3"], merit: Float[np.ndarray, " m"]) -> Bool[np.ndarray, " m"]:

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jaxmodel.errors import InputError
-from jaxmodel.mesh.cloud_input import checked_cloud
+from jaxmodel.mesh.prepare import prepare
 from jaxmodel.mesh.radii import cloud_scale
 from jaxmodel.mesh.signed_distance import grid_of, signed_distance
 from jaxmodel.scan.triangle_mesh import ObjectMesh
@@ -32,8 +32,9 @@ def marching_cubes(
         InputError: an unusable cloud (see ``orient``), a cell that is not positive or so small that the grid would not
             fit, or so large that no surface is left.
     """
-    points, oriented = checked_cloud(points, normals)
-    edge = CELLS_PER_SPACING * cloud_scale(points).spacing if cell == "auto" else float(cell)
+    cloud = prepare(points, normals)
+    points = cloud.points
+    edge = CELLS_PER_SPACING * cloud_scale(points, cloud.tree).spacing if cell == "auto" else float(cell)
     if not (np.isfinite(edge) and edge > 0):
         raise InputError(f"cell is {cell}, expected a positive length.")
     size = float(np.ptp(points, axis=0).max())
@@ -42,8 +43,7 @@ def marching_cubes(
         raise InputError(f"cell is {edge:g}: the grid would have more than {MOST_NODES} nodes; {least:.3g} would do.")
     from skimage import measure
 
-    good = np.any(oriented.normals != 0, axis=1)
-    field = signed_distance(points[good], oriented.normals[good], grid_of(points, edge), reach_cells * edge)
+    field = signed_distance(cloud, grid_of(points, edge), reach_cells * edge)
     try:
         vertices, faces, _, _ = measure.marching_cubes(field.value, 0.0, mask=_whole_cubes(field.known))
     except (ValueError, RuntimeError) as error:

@@ -14,6 +14,7 @@ STRAY = 0.7  # cosine below which two normals disagree about the surface's direc
 COMMON = 0.4  # least share of closest neighbours whose normals agree so far; 0.3 for random directions
 CLOSEST = 4
 ENOUGH = 50  # points from which such shares mean something
+HAIR = 1e-6  # of the cloud's size: what points are moved by before they are propagated along, see _propagated
 TURNED_SHARE = 0.02  # of neighbouring pairs: above it the signs as a whole are not to be trusted
 
 
@@ -114,9 +115,15 @@ def _one_side(
 
 
 def _propagated(points: np.ndarray, unit: np.ndarray, good: np.ndarray) -> Float[np.ndarray, "n 3"]:
+    """The way goes along a Delaunay triangulation, which points all on one sphere or one plane do not have: each is
+    taken a hair beside its place.
+    """
     import open3d as o3d
 
-    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points[good] - points[good].mean(axis=0)))
+    centred = points[good] - points[good].mean(axis=0)
+    centred = centred / np.ptp(centred, axis=0).max()
+    centred += HAIR * np.random.default_rng(0).uniform(-1.0, 1.0, centred.shape)
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(centred))
     cloud.normals = o3d.utility.Vector3dVector(unit[good])
     cloud.orient_normals_consistent_tangent_plane(min(NEIGHBOURS, int(good.sum()) - 1))
     signed = np.asarray(cloud.normals).copy()

@@ -7,8 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from jaxmodel.errors import InputError
-from jaxmodel.mesh.adjacency import adjacency
-from jaxmodel.mesh.closing import border_length
+from jaxmodel.mesh.adjacency import adjacency, border_length
 from jaxmodel.mesh.growth import grow, open_vertices, pivot
 from jaxmodel.mesh.radii import ball_radii, check_radii
 
@@ -49,8 +48,9 @@ def run_passes(
         if isinstance(radii, str) and seen is not None and passes:
             found = grown[len(faces) :]
             grown = np.concatenate([faces, found[seen(found)]])
-        border = int((adjacency(grown).faces == 1).sum())
-        made = Pass(radius, len(grown) - len(faces), border, border_length(points, grown))
+        shared = adjacency(grown)
+        border = int((shared.faces == 1).sum())
+        made = Pass(radius, len(grown) - len(faces), border, border_length(points, shared))
         if isinstance(radii, str) and passes and 0 < STALLED * passes[-1].border_length < made.border_length:
             break
         faces = grown

@@ -4,8 +4,9 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxmodel.errors import InputError
-from jaxmodel.mesh.cloud_input import checked_cloud
 from jaxmodel.mesh.distance import distance_to_points
+from jaxmodel.mesh.manifold import used_vertices
+from jaxmodel.mesh.prepare import prepare
 from jaxmodel.mesh.radii import cloud_scale
 from jaxmodel.scan.triangle_mesh import ObjectMesh
 
@@ -28,8 +29,9 @@ def poisson(
     Raises:
         InputError: an unusable cloud (see ``orient``) or a depth outside 2 to 12.
     """
-    points, oriented = checked_cloud(points, normals)
-    spacing = cloud_scale(points).spacing
+    cloud = prepare(points, normals)
+    points = cloud.points
+    spacing = cloud_scale(points, cloud.tree).spacing
     size = float(np.ptp(points, axis=0).max())
     if depth is None:
         depth = int(np.clip(np.ceil(np.log2(1.1 * size / spacing)), 4, 10))
@@ -37,16 +39,15 @@ def poisson(
         raise InputError(f"depth is {depth}, expected 2 to {DEEPEST}.")
     import open3d as o3d
 
-    good = np.any(oriented.normals != 0, axis=1)
     centre = points.mean(axis=0)
-    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector((points[good] - centre) / size))
-    cloud.normals = o3d.utility.Vector3dVector(oriented.normals[good])
+    oriented = o3d.geometry.PointCloud(o3d.utility.Vector3dVector((points - centre) / size))
+    oriented.normals = o3d.utility.Vector3dVector(cloud.normals)
     with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
-        made, _ = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(cloud, depth=depth, n_threads=1)
+        made, _ = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(oriented, depth=depth, n_threads=1)
     vertices, faces = np.asarray(made.vertices) * size + centre, np.asarray(made.triangles, np.int64)
     if trim_spacings is not None:
         near = distance_to_points(vertices, points) <= trim_spacings * spacing
         faces = faces[near[faces].all(axis=1)]
-        used, faces = np.unique(faces, return_inverse=True)
-        vertices, faces = vertices[used], faces.reshape(-1, 3)
+        used, faces = used_vertices(faces, len(vertices))
+        vertices = vertices[used]
     return ObjectMesh(vertices, faces)

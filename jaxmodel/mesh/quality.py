@@ -6,7 +6,15 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from jaxmodel.errors import InputError
-from jaxmodel.mesh.adjacency import Adjacency, adjacency, boundary_loops, face_components, face_normals, face_vectors
+from jaxmodel.mesh.adjacency import (
+    Adjacency,
+    adjacency,
+    border_length,
+    boundary_loops,
+    face_components,
+    face_normals,
+    face_vectors,
+)
 from jaxmodel.scan.triangle_mesh import ObjectMesh
 
 BINS = 20
@@ -86,7 +94,6 @@ def quality(mesh: ObjectMesh) -> Quality:
     area = np.linalg.norm(face_vectors(vertices, faces), axis=1) / 2
     components, part = face_components(len(faces), shared.pairs)
     border, _, loops = boundary_loops(shared)
-    ends = vertices[shared.edges[border]]
     used = len(np.unique(faces))
     return Quality(
         vertices=len(vertices),
@@ -100,7 +107,7 @@ def quality(mesh: ObjectMesh) -> Quality:
         components=components,
         largest_share=float(np.bincount(part, area).max() / area.sum()) if area.sum() > 0 else 1.0,
         border_edges=len(border),
-        border_length=float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).sum()),
+        border_length=border_length(vertices, shared),
         border_loops=loops,
         crowded_edges=int((shared.faces > 2).sum()),
         turned_pairs=int(shared.turned.sum()),

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.spatial import cKDTree  # pyright: ignore[reportAttributeAccessIssue]
+from scipy.spatial import KDTree
 
 from jaxmodel.mesh.adjacency import face_components
 from jaxmodel.mesh.primitives import Surface, fit_plane, offset, refine, round_guesses
@@ -88,7 +88,8 @@ def _largest(sheet: Sheet, part, noise, smallest):
     middle, normals, areas = corners.mean(axis=1), sheet.normals[sample], sheet.areas[sample]
     least = smallest * areas.sum() / running[-1]
     seeds = np.arange(0, len(sample), max(1, len(sample) // SEEDS))
-    near = cKDTree(middle).query(middle[seeds], k=min(SCALES[-1], len(sample)))[1]
+    near = np.asarray(KDTree(middle).query(middle[seeds], k=min(SCALES[-1], len(sample)))[1])
+    near = near.reshape(len(seeds), -1)
     guesses: list[Surface] = []
     for scale in SCALES:
         if scale <= near.shape[1]:

@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.spatial import KDTree
 
 from jaxmodel.geometry.voxel_grid import VoxelGrid
+from jaxmodel.mesh.prepare import Prepared
 
 NEIGHBOURS = 8
 BLOCK = 1 << 18  # nodes asked at a time: bounds the memory
@@ -27,14 +27,12 @@ def grid_of(points: Float[np.ndarray, "n 3"], cell: float) -> VoxelGrid:
     return VoxelGrid((low + high) / 2 - cell * shape / 2, float(cell), (int(shape[0]), int(shape[1]), int(shape[2])))
 
 
-def signed_distance(
-    points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"], grid: VoxelGrid, reach: float
-) -> DistanceField:
+def signed_distance(cloud: Prepared, grid: VoxelGrid, reach: float) -> DistanceField:
     """Mean distance of each node from its nearest points' tangent planes, near ones weighing more.
 
     Known within ``reach`` of a point: beyond, the surface stays open, as it does where nothing was measured.
     """
-    tree = KDTree(points)
+    points, normals, tree = cloud.points, cloud.normals, cloud.tree
     count = int(np.prod(grid.shape))
     value, known = np.zeros(count), np.zeros(count, bool)
     neighbours = min(NEIGHBOURS, len(points))

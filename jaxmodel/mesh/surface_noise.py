@@ -2,7 +2,7 @@
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.spatial import cKDTree  # pyright: ignore[reportAttributeAccessIssue]
+from scipy.spatial import KDTree
 
 from jaxmodel.mesh.adjacency import Adjacency
 
@@ -48,7 +48,7 @@ def _flap_noise(vertices: np.ndarray, faces: np.ndarray, shared: Adjacency) -> f
 
 
 def _quadric_noise(points: Float[np.ndarray, "n 3"]) -> float:
-    tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
+    tree = KDTree(points, balanced_tree=False, compact_nodes=False)
     seeds = points[:: max(1, len(points) // SAMPLES)]
     _, near = tree.query(seeds, k=NEIGHBOURS)
     local = points[near] - seeds[:, None]

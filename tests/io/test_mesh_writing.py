@@ -7,7 +7,7 @@ import open3d
 import pytest
 import trimesh
 
-from jaxmodel.io.mesh_writing import mesh_bytes, vertex_normals
+from jaxmodel.io.mesh_writing import mesh_bytes
 from jaxmodel.io.meshes import load_mesh
 from jaxmodel.scan.triangle_mesh import ObjectMesh, box, icosphere
 
@@ -29,7 +29,7 @@ def test_vertices_come_back_to_the_last_bit(tmp_path: Path, suffix: str) -> None
 def test_an_stl_has_the_same_triangles(tmp_path: Path) -> None:
     mesh = box((0, 0, 0), (1, 2, 3), cells=2)
     path = tmp_path / "mesh.stl"
-    path.write_bytes(mesh_bytes(mesh, ".stl", vertex_normals(mesh)))
+    path.write_bytes(mesh_bytes(mesh, ".stl", 0 * mesh.vertices))
     back = load_mesh(path)
     np.testing.assert_array_equal(back.vertices[back.faces], mesh.vertices[mesh.faces].astype(np.float32))
 
@@ -44,17 +44,3 @@ def test_a_ply_keeps_normals_and_the_colours_of_its_triangles(tmp_path: Path) ->
     loaded = trimesh.load(path, process=False)
     assert isinstance(loaded, trimesh.Trimesh)
     np.testing.assert_array_equal(np.asarray(loaded.visual.face_colors)[:, :3], colours)  # pyright: ignore
-
-
-def test_vertex_normals_of_a_cube_point_along_its_diagonals() -> None:
-    mesh = box((-1, -1, -1), (1, 1, 1), cells=2)
-    corner = np.abs(mesh.vertices).min(axis=1) == 1
-    cosine = np.einsum("ij,ij->i", vertex_normals(mesh), mesh.vertices / np.linalg.norm(mesh.vertices, axis=1)[:, None])
-    assert corner.sum() == 8 and (cosine[corner] > 0.9).all()
-    middle = np.abs(mesh.vertices).sum(axis=1) == 1
-    np.testing.assert_allclose(vertex_normals(mesh)[middle], mesh.vertices[middle], atol=1e-12)
-
-
-def test_a_vertex_without_triangle_has_no_normal() -> None:
-    mesh = ObjectMesh(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 5, 5]]), np.array([[0, 1, 2]]))
-    np.testing.assert_array_equal(vertex_normals(mesh), [[0, 0, 1]] * 3 + [[0, 0, 0]])

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from jaxmodel.errors import InputError
+from jaxmodel.mesh.adjacency import vertex_normals
 from jaxmodel.mesh.distance import sample_surface, surface_distance, to_surface
 from jaxmodel.mesh.quality import quality, smoothness, triangle_shape
 from jaxmodel.scan.triangle_mesh import ObjectMesh, box, icosphere, join, ring
@@ -54,9 +55,7 @@ def test_a_square_with_all_it_lacks() -> None:
     assert turned.triangles == 1 and turned.unused_vertices == 1 and np.isnan(turned.Q_nor)
     flipped = ObjectMesh(SQUARE.vertices, np.stack([SQUARE.faces[0], SQUARE.faces[1][::-1]]))
     assert quality(flipped).turned_pairs == 1
-    fan = ObjectMesh(
-        np.concatenate([SQUARE.vertices, [[0.5, 0.5, 1.0]]]), np.concatenate([SQUARE.faces, [[0, 2, 4]]])
-    )
+    fan = ObjectMesh(np.concatenate([SQUARE.vertices, [[0.5, 0.5, 1.0]]]), np.concatenate([SQUARE.faces, [[0, 2, 4]]]))
     assert quality(fan).crowded_edges == 1
 
 
@@ -97,3 +96,21 @@ def test_samples_are_spread_by_area_and_far_origins_do_no_harm() -> None:
     assert (points[:, 0] > 2).sum() == pytest.approx(1200, abs=1)
     far = ObjectMesh(corners + 1e6, mesh.faces)
     assert to_surface(sample_surface(far, 500), far).max() < 1e-6
+
+
+def test_vertex_normals_of_a_cube_point_along_its_diagonals() -> None:
+    mesh = box((-1, -1, -1), (1, 1, 1), cells=2)
+    corner = np.abs(mesh.vertices).min(axis=1) == 1
+    cosine = np.einsum(
+        "ij,ij->i",
+        vertex_normals(mesh),
+        mesh.vertices / np.linalg.norm(mesh.vertices, axis=1)[:, None],
+    )
+    assert corner.sum() == 8 and (cosine[corner] > 0.9).all()
+    middle = np.abs(mesh.vertices).sum(axis=1) == 1
+    np.testing.assert_allclose(vertex_normals(mesh)[middle], mesh.vertices[middle], atol=1e-12)
+
+
+def test_a_vertex_without_triangle_has_no_normal() -> None:
+    mesh = ObjectMesh(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 5, 5]]), np.array([[0, 1, 2]]))
+    np.testing.assert_array_equal(vertex_normals(mesh), [[0, 0, 1]] * 3 + [[0, 0, 0]])

@@ -184,7 +184,8 @@ def test_posed_range_images_come_together_with_their_sensors(tmp_path: Path) -> 
 
 
 def test_a_conf_names_its_scans(tmp_path: Path) -> None:
-    write_cloud(tmp_path / "one.ply", sphere(50)), write_cloud(tmp_path / "two.ply", sphere(60), sphere(60))
+    write_cloud(tmp_path / "one.ply", sphere(50))
+    write_cloud(tmp_path / "two.ply", sphere(60), sphere(60))
     lines = "camera 0 0 0 0 0 0 1\nbmesh one.ply 0 0 0 0 0 0 1\nbmesh two.ply 1 2 3 0 0 0 1\n"
     (tmp_path / "both.conf").write_text(lines)
     together = read_clouds([], tmp_path / "both.conf")
@@ -232,7 +233,7 @@ def test_a_radius_that_finds_no_seed_names_one_that_does(refused: Refused, tmp_p
 @pytest.mark.parametrize(
     ("words", "fault"),
     [
-        (["--radii", "90"], "A ball of radius 90 is larger than the cloud"),
+        (["--radii", "90"], "A ball of radius 90 is too large"),
         (["--radii", "0.1,x"], "--radii 0.1,x: expected auto, or positive radii"),
         (["--radii", "-1"], "positive radii"),
         (["--thinning", "much"], "--thinning much: expected auto, none or a positive distance"),

@@ -6,9 +6,9 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxmodel.errors import InputError, RunError
-from jaxmodel.io.mesh_writing import vertex_normals
+from jaxmodel.mesh.adjacency import vertex_normals
 from jaxmodel.mesh.ball_pivoting import Pivoting, ball_pivoting
-from jaxmodel.mesh.manifold import without_small_parts
+from jaxmodel.mesh.manifold import used_vertices, without_small_parts
 from jaxmodel.run.meshing.clouds import Measured
 from jaxmodel.run.meshing.options import Options
 from jaxmodel.scan.triangle_mesh import ObjectMesh
@@ -90,10 +90,9 @@ def _poisson(measured: Measured, options: Options) -> Made:
 
 def _volumetric(mesh: ObjectMesh, measured: Measured, options: Options, sentence: str) -> Made:
     if options.smallest_part > 0:
-        used, faces = np.unique(
-            without_small_parts(mesh.vertices, mesh.faces, options.smallest_part), return_inverse=True
-        )
-        mesh = ObjectMesh(mesh.vertices[used], faces.reshape(-1, 3))
+        kept = without_small_parts(mesh.vertices, mesh.faces, options.smallest_part)
+        used, faces = used_vertices(kept, len(mesh.vertices))
+        mesh = ObjectMesh(mesh.vertices[used], faces)
     points = _read(measured) | {"estimated_normals": measured.normals is None}
     return Made(mesh, vertex_normals(mesh), (), points, sentence)
 
