@@ -9,6 +9,7 @@ from scipy.spatial import KDTree
 
 from jaxmodel.errors import InputError
 from jaxmodel.mesh.closing import along_points, close, near_points
+from jaxmodel.mesh.crossings import crossing_sheets
 from jaxmodel.mesh.growth import rests
 from jaxmodel.mesh.manifold import clean, used_vertices, without_small_parts
 from jaxmodel.mesh.passes import Pass, Radii, run_passes
@@ -82,7 +83,8 @@ def ball_pivoting(
     ``radii`` grow from the cloud's own spacing until the border stops shrinking, or are passes as given, ascending.
     ``eyes`` homogeneous sensor position of each point (direction, if at infinity), or one for all: decides the
     normals' side and which point of an overlap is best. ``seeds`` triangles of rows, such as the views' own meshes:
-    those on which the ball rests are where it starts. ``thinning`` the distance that stays between points,
+    those on which the ball rests are where it starts.
+    Sheets that pass through one another are meshed one by one. ``thinning`` the distance that stays between points,
     "auto" only where layers overlap, None for never (points that coincide are always merged). ``smallest_part`` the
     share of the area below which a component is dropped. ``closing`` closes the holes along which points lie.
     Raises ``InputError``: bad points (see :func:`check_points`), a line of points, normals or radii unfit.
@@ -105,8 +107,9 @@ def ball_pivoting(
     def seen(faces: Int[np.ndarray, "f 3"]) -> Bool[np.ndarray, " f"]:
         return along_points(tree, reach, vertices, faces)
 
+    sheet = crossing_sheets(vertices, vertex_normals, spacing)
     start = None if seeds is None else _seeds(vertices, vertex_normals, source, seeds, len(points), spacing)
-    faces, passes = run_passes(vertices, vertex_normals, radii, spacing, start, first_radius(scale), seen)
+    faces, passes = run_passes(vertices, vertex_normals, radii, spacing, start, first_radius(scale), seen, sheet)
     pivoted = len(faces)
     accept = near_points(tree, reach, vertices)
     faces = close(vertices, vertex_normals, faces, accept=accept if closing else lambda patch: False)

@@ -11,6 +11,7 @@ from jaxmodel.mesh.ball_pivoting import Pivoting, Thinning, ball_pivoting
 from jaxmodel.mesh.closing import close
 from jaxmodel.mesh.holes import MOST_EDGES
 from jaxmodel.mesh.passes import Pass, Radii, run_passes
+from jaxmodel.mesh.radii import cloud_scale, thinning_distance
 from jaxmodel.scan.triangle_mesh import ObjectMesh
 
 FIT = 0.9  # share of the border's triangles that the first ball rests on
@@ -33,9 +34,14 @@ def pivot_views(views: Sequence[ObjectMesh], radii: Radii = "auto", *, thinning:
     if not views or not any(len(view.faces) for view in views):
         raise InputError("There is no view with triangles to start from.")
     start = np.cumsum([0] + [len(view.vertices) for view in views])
+    points = np.concatenate([view.vertices for view in views])
+    normals = np.concatenate([vertex_normals(view) for view in views])
+    if thinning == "auto":
+        single = float(np.median([cloud_scale(view.vertices).spacing for view in views if len(view.faces)]))
+        thinning = thinning_distance(points, normals, view_spacing=single)
     return ball_pivoting(
-        np.concatenate([view.vertices for view in views]),
-        np.concatenate([vertex_normals(view) for view in views]),
+        points,
+        normals,
         radii,
         seeds=np.concatenate([view.faces + offset for view, offset in zip(views, start[:-1], strict=True)]),
         thinning=thinning,

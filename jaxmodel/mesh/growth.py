@@ -16,11 +16,13 @@ def grow(
     faces: Int[np.ndarray, "m 3"],
     radius: float,
     fixed: Bool[np.ndarray, " n"] | None = None,
+    sheet: Int[np.ndarray, " n"] | None = None,
 ) -> Int[np.ndarray, "k 3"]:
     """``faces`` and the triangles a ball of ``radius`` finds among the points within its diameter of an open vertex.
 
     Open are the vertices of border edges and the points without triangle, but for those that are ``fixed``.
-    What the ball finds is kept where it fits (see :func:`weld`).
+    A ball for each number of ``sheet`` rolls over the points that have it alone. What the ball finds is kept where it
+    fits (see :func:`weld`).
     """
     loose = open_vertices(faces, len(points))
     if fixed is not None:
@@ -32,8 +34,11 @@ def grow(
     else:
         gap, _ = KDTree(points[loose]).query(points, distance_upper_bound=ZONE * radius, workers=-1)
         near = np.flatnonzero(np.isfinite(gap))
-    found = near[pivot(points[near], normals[near], radius)]
-    return weld(faces, found, loose)
+    number = np.zeros(len(points), np.int64) if sheet is None else sheet
+    for k in np.unique(number[near]):
+        mine = near[number[near] == k]
+        faces = weld(faces, mine[pivot(points[mine], normals[mine], radius)], loose)
+    return faces
 
 
 def pivot(points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"], radius: float) -> Int[np.ndarray, "m 3"]:

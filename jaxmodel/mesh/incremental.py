@@ -14,11 +14,10 @@ from jaxmodel.mesh.growth import grow, open_vertices
 from jaxmodel.mesh.manifold import used_vertices, without_small_parts
 from jaxmodel.mesh.prepare import Eyes, Prepared, prepare
 from jaxmodel.mesh.projection import project
-from jaxmodel.mesh.radii import GROWTH, cloud_scale, widest_gap
+from jaxmodel.mesh.radii import GROWTH, PER_VIEW, cloud_scale, widest_gap
 from jaxmodel.mesh.thinning import REACH, thin
 from jaxmodel.scan.triangle_mesh import ObjectMesh
 
-PER_VIEW = 1.1
 OPENED = 2.0
 ZONE = 5.0
 CANDIDATES = 8

@@ -13,6 +13,7 @@ NEIGHBOURS = 12
 STRAY = 0.7  # cosine below which two normals disagree about the surface's direction
 COMMON = 0.4  # least share of closest neighbours whose normals agree so far; 0.3 for random directions
 CLOSEST = 4
+BLOCK = 1 << 12  # points compared at once: few enough that their neighbours stay in the processor's cache
 ENOUGH = 50  # points from which such shares mean something
 HAIR = 1e-6  # of the cloud's size: what points are moved by before they are propagated along, see _propagated
 TURNED_SHARE = 0.02  # of neighbouring pairs: above it the signs as a whole are not to be trusted
@@ -81,8 +82,12 @@ def _agreement(
     """Which of each point's nearest others have a normal, and its cosine with the point's own."""
     _, index = tree.query(points, k=min(NEIGHBOURS + 1, len(points)), workers=-1)
     index = np.asarray(index)[:, 1:]
-    near = np.any(unit != 0, axis=1)[index] & np.any(unit != 0, axis=1)[:, None]
-    return near, np.einsum("nka,na->nk", unit[index], unit)
+    there = np.any(unit != 0, axis=1)
+    cosine = np.empty(index.shape)
+    for start in range(0, len(index), BLOCK):
+        rows = slice(start, start + BLOCK)
+        cosine[rows] = np.einsum("nka,na->nk", unit[index[rows]], unit[rows])
+    return there[index] & there[:, None], cosine
 
 
 def _stray(cosine: np.ndarray, near: np.ndarray) -> Bool[np.ndarray, " n"]:

@@ -33,18 +33,20 @@ def run_passes(
     faces: Int[np.ndarray, "s 3"] | None = None,
     first: float | None = None,
     seen: Callable[[Int[np.ndarray, "k 3"]], Bool[np.ndarray, " k"]] | None = None,
+    sheet: Int[np.ndarray, " n"] | None = None,
 ) -> tuple[Int[np.ndarray, "m 3"], tuple[Pass, ...]]:
     """Triangles of all passes, after the ``faces`` there already are, and the passes.
 
     With "auto" the radii grow from ``first``, else from ``spacing``, until the border stops shrinking,
     and a ball larger than the first keeps only the triangles that are ``seen``: it could bridge what no scan saw.
+    No triangle joins points of different ``sheet``.
     Raises ``InputError`` when no pass finds a triangle; it names a radius that would.
     """
     faces = np.zeros((0, 3), np.int64) if faces is None else faces
     passes: list[Pass] = []
     wanted = ball_radii(spacing if first is None else first) if isinstance(radii, str) else check_radii(radii, spacing)
     for radius in wanted:
-        grown = grow(points, normals, faces, radius)
+        grown = grow(points, normals, faces, radius, sheet=sheet)
         if isinstance(radii, str) and seen is not None and passes:
             found = grown[len(faces) :]
             grown = np.concatenate([faces, found[seen(found)]])

@@ -3,12 +3,13 @@
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.spatial import KDTree
 
 STEPS = 2
 NEIGHBOURS = 64
-BLOCK = 1 << 15
+BLOCK = 1 << 11  # sites moved at once: few enough that their neighbours stay in the processor's cache
+QUERY = 1 << 15  # sites asked for neighbours at once: bounds the memory
 
 
 class Projected(NamedTuple):
@@ -36,25 +37,43 @@ def project(
     """
     tree = tree or KDTree(points)
     moved, mean, support = sites.copy(), site_normals.copy(), np.zeros(len(sites))
-    for start in range(0, len(sites), BLOCK):
-        rows = slice(start, start + BLOCK)
-        _, index = tree.query(sites[rows], k=min(neighbours, len(points)), distance_upper_bound=reach, workers=-1)
-        index = np.asarray(index).reshape(len(sites[rows]), -1)
-        absent = index == len(points)
-        index = np.where(absent, 0, index)
-        q, n = points[index], normals[index]
-        for _ in range(STEPS):
-            chord = q - moved[rows, None]
-            agree = np.clip(np.einsum("kma,ka->km", n, mean[rows]), 0.0, 1.0)
-            weight = np.exp(-4 / reach**2 * np.einsum("kma,kma->km", chord, chord)) * agree**2
-            weight[absent] = 0.0
-            total = np.einsum("km,kma->ka", weight, n)
-            length = np.linalg.norm(total, axis=1, keepdims=True)
-            middle = np.where(length > 0, total / np.where(length > 0, length, 1.0), mean[rows])
-            both = n + middle[:, None]
-            height = np.einsum("km,kma,kma->k", weight, both, chord)
-            scale = np.einsum("km,kma,ka->k", weight, both, middle)
-            moved[rows] += (height / np.where(scale > 0, scale, 1.0))[:, None] * middle
-            mean[rows] = middle
-            support[rows] = weight.sum(axis=1)
+    for start in range(0, len(sites), QUERY):
+        found = sites[start : start + QUERY]
+        _, index = tree.query(found, k=min(neighbours, len(points)), distance_upper_bound=reach, workers=-1)
+        index = np.asarray(index).reshape(len(found), -1)
+        for first in range(0, len(found), BLOCK):
+            rows = slice(start + first, start + min(first + BLOCK, len(found)))
+            near = index[first : first + BLOCK]
+            absent = near == len(points)
+            near = np.where(absent, 0, near)
+            moved[rows], mean[rows], support[rows] = _moved(
+                moved[rows], mean[rows], points[near], normals[near], absent, reach
+            )
     return Projected(moved, mean, support)
+
+
+def _moved(
+    site: Float[np.ndarray, "b 3"],
+    mean: Float[np.ndarray, "b 3"],
+    points: Float[np.ndarray, "b m 3"],
+    normals: Float[np.ndarray, "b m 3"],
+    absent: Bool[np.ndarray, "b m"],
+    reach: float,
+) -> Projected:
+    support = np.zeros(len(site))
+    for _ in range(STEPS):
+        chord = points - site[:, None]
+        agree = np.clip(np.einsum("kma,ka->km", normals, mean), 0.0, 1.0)
+        weight = np.exp(-4 / reach**2 * np.einsum("kma,kma->km", chord, chord)) * agree**2
+        weight[absent] = 0.0
+        total = np.einsum("km,kma->ka", weight, normals)
+        length = np.linalg.norm(total, axis=1, keepdims=True)
+        middle = np.where(length > 0, total / np.where(length > 0, length, 1.0), mean)
+        # sum of weight (n + middle) . chord and of weight (n + middle) . middle
+        toward = np.einsum("km,kma->ka", weight, chord)
+        height = np.einsum("km,kma,kma->k", weight, normals, chord) + np.einsum("ka,ka->k", toward, middle)
+        support = weight.sum(axis=1)
+        scale = np.einsum("ka,ka->k", total, middle) + support
+        site = site + (height / np.where(scale > 0, scale, 1.0))[:, None] * middle
+        mean = middle
+    return Projected(site, mean, support)

@@ -20,6 +20,7 @@ SCATTERED = 0.65  # 0.47 for points scattered by chance, 0.78 after thinning, 1 
 STACKED_SHARE = 0.1
 LARGEST = 10.0  # in spacings: such a ball has about 300 points under it, and pivoting it costs their square
 PER_SPACING = 2.0
+PER_VIEW = 1.1
 PER_THICKNESS = 6.0
 
 
@@ -52,12 +53,16 @@ def cloud_scale(points: Float[np.ndarray, "n 3"], tree: KDTree | None = None) ->
 
 
 def thinning_distance(
-    points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"], tree: KDTree | None = None
+    points: Float[np.ndarray, "n 3"],
+    normals: Float[np.ndarray, "n 3"],
+    tree: KDTree | None = None,
+    view_spacing: float | None = None,
 ) -> float:
     """The distance to leave between points where layers overlap, 0 where the cloud is one sheet already.
 
     Layers overlap when a tenth of the points have their nearest neighbour above or below rather than beside: at a
     slope over 0.4 against the mean of both normals. Noise of a single scan, and curvature, stay well under that.
+    ``view_spacing`` that of a single view's points, where it is known; else there are taken to be about four layers.
     """
     tree = tree or KDTree(points)
     probes = np.arange(0, len(points), max(1, len(points) // PROBES))
@@ -70,7 +75,8 @@ def thinning_distance(
     if np.quantile(slope, 1 - STACKED_SHARE) <= STEEP:
         return 0.0
     spacing, _, thickness = cloud_scale(points, tree)
-    return max(PER_SPACING * spacing, PER_THICKNESS * thickness)
+    along = PER_SPACING * spacing if view_spacing is None else PER_VIEW * view_spacing
+    return max(along, PER_THICKNESS * thickness)
 
 
 def widest_gap(spacing: float, count: int) -> float:
