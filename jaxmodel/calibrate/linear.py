@@ -15,6 +15,8 @@ from jaxmodel.geometry.eigen import smallest_eigenvector
 from jaxmodel.geometry.elimination import solve_semidefinite
 from jaxmodel.geometry.polar import nearest_rotation
 
+SIZED = 1 / 8  # of a rotation's determinant: below it the size of a one-step solution is noise more than measurement
+
 
 def solve_linear(pairs: Pairs, unknown_scale: bool = False) -> Estimate:
     """Rotation from eq. 3.13, then translation from eq. 3.14 (with the scale: eq. 4.3)."""

@@ -16,7 +16,7 @@ from jaxtyping import Float
 from jaxmodel.calibrate.estimate import Estimate
 from jaxmodel.calibrate.linear import solve_linear
 from jaxmodel.calibrate.pairs import Pairs, PairSums, align_signs, exchanged, pair_sums, quaternions
-from jaxmodel.calibrate.refine import Weighting, refine, residuals, turn
+from jaxmodel.calibrate.refine import Weighting, linearise, refine, turn
 from jaxmodel.geometry.elimination import NormalEquations, square_root
 from jaxmodel.geometry.polar import skew
 from jaxmodel.geometry.rigid_fit import rotation_from_quaternion
@@ -98,13 +98,16 @@ def _reweighted(pairs: Pairs, start: Estimate, unknown_scale: bool, weighting: W
 
 
 def variance_components(pairs: Pairs, estimate: Estimate) -> Weighting:
-    """Weights 1 / variance of one component of the rotation and of the translation residuals at an estimate."""
-    angle, distance = residuals(pairs, estimate)
+    """Weights 1 / variance of one component of the rotation and of the translation residuals at an estimate.
+
+    The rotation residuals are chords, as in the cost: their sum of squares is a quadratic form, too.
+    """
+    line = linearise(pairs, estimate)
     count = jnp.maximum(3 * jnp.sum(pairs.weight > 0) - 3, 1)
     reach = jnp.sum(estimate.t**2) + jnp.max(jnp.sum(pairs.t_B**2 + (estimate.scale * pairs.t_A) ** 2, axis=1))
     rounding = 1e-18  # exact data: weights stay within what the stopping rule can resolve
-    rotation = jnp.sum(pairs.weight * angle**2) / count + rounding
-    translation = jnp.sum(pairs.weight * distance**2) / count + rounding * reach
+    rotation = jnp.sum(pairs.weight * jnp.sum(line.rotation**2, axis=1)) / count + rounding
+    translation = jnp.sum(pairs.weight * jnp.sum(line.translation**2, axis=1)) / count + rounding * reach
     return Weighting(1.0 / rotation, 1.0 / jnp.where(translation > 0, translation, 1.0))
 
 

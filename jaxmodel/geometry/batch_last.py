@@ -38,6 +38,16 @@ def sum_of_krons(a: Float[jax.Array, "3 3 n b"], b: Float[jax.Array, "3 3 n b"])
     return _sum(a[:, None, :, None, i] * b[None, :, None, :, i] for i in range(n)).reshape(9, 9, -1)
 
 
+def sum_of_products(a: Float[jax.Array, "*i n b"], b: Float[jax.Array, "j n b"]) -> Float[jax.Array, "*i j b"]:
+    """Sum over n of outer products."""
+    return _sum(a[..., None, i, :] * b[:, i] for i in range(b.shape[1]))
+
+
+def sum_of_squares(a: Float[jax.Array, "i j n b"], w: Float[jax.Array, "n b"]) -> Float[jax.Array, "j j b"]:
+    """Sum over n of ``w a^T a``."""
+    return _sum(matmul(transposed(w[i] * a[:, :, i]), a[:, :, i]) for i in range(len(w)))
+
+
 def kron(a: Float[jax.Array, "3 3 ..."], b: Float[jax.Array, "3 3 ..."]) -> Float[jax.Array, "9 9 ..."]:
     """Kronecker product."""
     product = a[:, None, :, None] * b[None, :, None, :]
@@ -120,6 +130,29 @@ def solve_symmetric(matrix: Float[jax.Array, "3 3 b"], right: Float[jax.Array, "
     """Solution of 3 x 3 symmetric systems by cofactors; not finite where the matrix is singular."""
     cofactors = _cofactors(matrix)
     return apply(cofactors, right) / jnp.sum(matrix[0] * cofactors[0], axis=0)
+
+
+def solve_positive(
+    matrix: Float[jax.Array, "m m b"], right: Float[jax.Array, "m b"], rounding: float = 1e-12
+) -> Float[jax.Array, "m b"]:
+    """Solution of symmetric positive semi-definite systems by scaled elimination.
+
+    An unknown whose pivot is not above ``rounding`` of its own diagonal entry is left at zero.
+    """
+    size = len(right)
+    diagonal = jnp.stack([matrix[k, k] for k in range(size)])
+    scale = jnp.where(diagonal > 0, jax.lax.rsqrt(jnp.where(diagonal > 0, diagonal, 1.0)), 0.0)
+    augmented = jnp.concatenate([matrix * scale[:, None] * scale[None], (right * scale)[:, None]], axis=1)
+    place = jnp.arange(size)[:, None, None]
+
+    def step(k: jax.Array, rows: jax.Array) -> jax.Array:
+        row, column = jnp.take(rows, k, axis=0), jnp.take(rows, k, axis=1)
+        pivot = jnp.take(row, k, axis=0)
+        known = pivot > rounding
+        reduced = jnp.where(known, row / jnp.where(known, pivot, 1.0), 0.0)
+        return jnp.where(place == k, reduced[None], rows - column[:, None] * reduced[None])
+
+    return jax.lax.fori_loop(0, size, step, augmented)[:, -1] * scale
 
 
 def smallest_eigenvector(matrix: Float[jax.Array, "m m b"]) -> Float[jax.Array, "m b"]:
