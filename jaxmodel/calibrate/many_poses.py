@@ -24,7 +24,6 @@ from jaxmodel.geometry import batch_last as batch
 
 Method = Literal["linear", "linear_one_step", "tsai_lenz", "nonlinear"]
 METHODS: tuple[Method, ...] = get_args(Method)
-BY_CAMERA = ("linear", "tsai_lenz")
 BLOCK = 32  # sets worked on together: their sums stay in cache
 CHUNK = 128  # blocks of one call
 
@@ -94,29 +93,26 @@ def _solve_block(
     u = from_first(motions(C, setup is Setup.MOVING_FRAMES), w)
     s = from_first(motions(H, setup is not Setup.EYE_TO_HAND), w)
     w = w / jnp.sum(w, axis=0)
-    R, t = _by_camera(u, s, w, method) if method in BY_CAMERA else _by_hand(u, s, w, method, jnp.sum(weight > 0, axis=1))
+    R, t = _solved(u, s, w, jnp.sum(weight > 0, axis=1), method)
     top = jnp.concatenate([R, t[:, None]], axis=1)
     bottom = jnp.broadcast_to(eye[3:, :, :, 0], (1, 4, len(hand)))
     return jnp.where(enough[:, None, None], jnp.transpose(jnp.concatenate([top, bottom]), (2, 0, 1)), jnp.nan)
 
 
-def _by_camera(u: Motions, s: Motions, w: Float[jax.Array, "n b"], method: Method) -> tuple[jax.Array, jax.Array]:
-    """Methods whose A is the camera's motion, as in RR-3507: X of the set-up is the inverse of their solution."""
-    form = rotation_form(u, s, w)
-    R = linear_rotation(form)
+def _solved(
+    u: Motions, s: Motions, w: Float[jax.Array, "n b"], poses: Float[jax.Array, " b"], method: Method
+) -> tuple[Float[jax.Array, "3 3 b"], Float[jax.Array, "3 b"]]:
+    """X of the set-up from the motions of the camera (u) and of the hand (s)."""
+    turns = rotation_form(u, s, w)
+    if method == "linear_one_step":
+        return one_step(turns.exchanged(), translation_form(s, u, w, turns.exchanged().mean))
+    # A is the camera's motion, as in RR-3507: X is the inverse of the solution
+    R = linear_rotation(turns)
     if method == "tsai_lenz":
         R = tsai_lenz_rotation(u, s, w, R)
-    t = linear_translation(translation_form(u, s, w, form.mean), R)
-    return batch.transposed(R), -batch.apply(batch.transposed(R), t)
-
-
-def _by_hand(
-    u: Motions, s: Motions, w: Float[jax.Array, "n b"], method: Method, poses: Float[jax.Array, " b"]
-) -> tuple[jax.Array, jax.Array]:
-    """Methods whose A is the hand's motion: the camera's noise stays out of what multiplies the unknowns."""
-    rotation = rotation_form(s, u, w)
-    translation = translation_form(s, u, w, rotation.mean)
-    if method == "linear_one_step":
-        return one_step(rotation, translation)
-    R = linear_rotation(rotation)
-    return nonlinear(rotation, translation, R, linear_translation(translation, R), poses)
+    t = linear_translation(translation_form(u, s, w, turns.mean), R)
+    R, t = batch.transposed(R), -batch.apply(batch.transposed(R), t)
+    if method != "nonlinear":
+        return R, t
+    # the camera carries the noise: what multiplies the unknowns is the hand's
+    return nonlinear(turns.exchanged(), translation_form(s, u, w, turns.exchanged().mean), R, t, poses)

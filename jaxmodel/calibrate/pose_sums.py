@@ -32,6 +32,10 @@ class RotationForm(NamedTuple):
     square: Float[jax.Array, "9 9 b"]
     mean: Float[jax.Array, "9 9 b"]
 
+    def exchanged(self) -> "RotationForm":
+        """The form of the inverse problem ``B Y = Y A``, in vec R^T."""
+        return RotationForm(*(a.reshape(3, 3, 3, 3, -1).transpose(1, 0, 3, 2, 4).reshape(9, 9, -1) for a in self))
+
 
 class TranslationForm(NamedTuple):
     """The weighted mean over all pairs of ``|(R_A - I) t + t_A - R t_B|^2`` (eq. 3.14) in r = vec R and s = (t, 1).
