@@ -49,8 +49,8 @@ def solve_one_step(pairs: Pairs, unknown_scale: bool = False) -> Estimate:
     """Least squares for the 12 unknowns of eq. 3.12 at once, the rotation part then made a rotation.
 
     With an unknown scale the 13 unknowns of eq. 4.2 are homogeneous: their null vector, scaled by its determinant.
-    Only B's translations say how long vec R_X is: in pure rotations of B (Propositions 1 and 2) the solution of eq. 3.12
-    is zero and one of eq. 4.2 may be. Where they say less of it than the noise, the two steps answer.
+    Only B's translations say how long vec R_X is: in pure rotations of B (Propositions 1 and 2) least squares make it
+    zero in eq. 3.12, and eq. 4.2 leaves it open. Where they say less of it than the noise, the two steps answer.
     """
     sums = pair_sums(pairs)
     Q = sums.translation.at[:9, :9].add(sums.rotation)

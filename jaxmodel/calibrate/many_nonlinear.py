@@ -123,9 +123,7 @@ def _descend(
         return (state.step < MOST_STEPS) & jnp.any(state.moving)
 
     cost = cost_at(R, t)
-    start = _Descent(
-        jnp.zeros((), jnp.int32), R, t, cost, jnp.full_like(cost, FIRST_DAMPING), jnp.isfinite(cost)
-    )
+    start = _Descent(jnp.zeros((), jnp.int32), R, t, cost, jnp.full_like(cost, FIRST_DAMPING), jnp.isfinite(cost))
     end = jax.lax.while_loop(unfinished, again, start)
     return end.R, end.t
 

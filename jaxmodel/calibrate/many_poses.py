@@ -1,9 +1,9 @@
-"""Closed forms for very many sets of absolute poses: all pairs of a set at the cost of a sum over its poses.
+"""Very many sets of absolute poses: all pairs of a set at the cost of a sum over its poses.
 
 With ``u_i`` the camera's and ``s_i`` the hand's motion from a reference pose to pose i, the motion between any two is
-``A_ij = u_j u_i^-1`` and ``B_ij = s_j s_i^-1``. Every sum over pairs that the linear method and Tsai and Lenz need then
-factors into sums over poses. Each pair counts in both directions, so the order of the poses does not matter. There is
-no verdict and no residual here: for one set, or to know what its poses determine, use ``calibrate_poses``.
+``A_ij = u_j u_i^-1`` and ``B_ij = s_j s_i^-1``. Every sum over pairs that the methods need then factors into sums over
+poses (``pose_sums.py``). Each pair counts in both directions, so the order of the poses does not matter. There is no
+verdict and no residual here: for one set, or to know what its poses determine, use ``calibrate_poses``.
 """
 
 from functools import lru_cache
@@ -38,8 +38,10 @@ def solve_many_poses(
     """The camera's place X (T_hand_camera, or T_base_camera for a fixed camera) of each set, from all its pairs.
 
     ``hand`` (b, n, 4, 4) is T_base_hand, ``camera`` as ``setup`` says, ``mask`` (b, n) tells which poses are there.
-    ``linear`` is the two steps of RR-3507 ch. 3, ``tsai_lenz`` its §2.2.1. A set with fewer than 3 poses, or with a
-    pose that is not finite, gives NaN; one whose axes are parallel gives nothing of use.
+    ``linear`` is the two steps of RR-3507 ch. 3, ``linear_one_step`` its eq. 3.12 with the hand's motions for A, which
+    is OpenCV's ANDREFF and depends on the unit of length, ``tsai_lenz`` its §2.2.1, ``nonlinear`` the answer of
+    ``solve_nonlinear`` with the noise in the camera. A set with fewer than 3 poses, or with a pose that is not finite,
+    gives NaN; one whose axes are parallel gives nothing of use.
     """
     hand, camera = np.asarray(hand, np.float64), np.asarray(camera, np.float64)
     if hand.ndim != 4 or hand.shape[2:] != (4, 4) or hand.shape != camera.shape:
@@ -93,7 +95,7 @@ def _solve_block(
     u = from_first(motions(C, setup is Setup.MOVING_FRAMES), w)
     s = from_first(motions(H, setup is not Setup.EYE_TO_HAND), w)
     w = w / jnp.sum(w, axis=0)
-    R, t = _solved(u, s, w, jnp.sum(weight > 0, axis=1), method)
+    R, t = _solved(u, s, w, jnp.sum(weight > 0, axis=1, dtype=w.dtype), method)
     top = jnp.concatenate([R, t[:, None]], axis=1)
     bottom = jnp.broadcast_to(eye[3:, :, :, 0], (1, 4, len(hand)))
     return jnp.where(enough[:, None, None], jnp.transpose(jnp.concatenate([top, bottom]), (2, 0, 1)), jnp.nan)

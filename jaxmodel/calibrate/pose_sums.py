@@ -40,7 +40,7 @@ class RotationForm(NamedTuple):
 class TranslationForm(NamedTuple):
     """The weighted mean over all pairs of ``|(R_A - I) t + t_A - R t_B|^2`` (eq. 3.14) in r = vec R and s = (t, 1).
 
-    ``sum_k R_k spread R_k^T + 2 r^T across s + s^T square s`` with the rows R_k of R. Off the group it is the same form.
+    ``sum_k R_k spread R_k^T + 2 r^T across s + s^T square s`` with the rows R_k of R, which need be no rotation.
     """
 
     spread: Float[jax.Array, "3 3 b"]
