@@ -76,11 +76,11 @@ def test_small_noisy_motions_agree_in_units_of_their_error(method: Method) -> No
 
 
 def test_nonlinear_takes_the_camera_for_the_noisy_stream() -> None:
-    """Its X is that of ``nonlinear`` (noise in A, the camera) and not of ``nonlinear_b``, at the same weights."""
+    """Its X is that of ``nonlinear``, noise in A, with the camera for A and not with the hand."""
     _, hand, camera = drawn(1, noise=0.02)
     found = solve_many_poses(hand, camera, method="nonlinear")
     A, B = both_directions(hand, camera)
-    other = se3.inverse(solve_many(A, B, method="nonlinear_b", verdict=False).X)
+    other = solve_many(B, A, method="nonlinear", verdict=False).X
     assert np.abs(found - other).max() > 100 * AGREEMENT["nonlinear"]
 
 
@@ -103,7 +103,7 @@ def test_exact_poses_give_the_exact_answer(method: Method, angle: float, turn: f
 
 
 def test_tsai_lenz_stands_an_X_that_turns_by_half_a_turn() -> None:
-    X, hand, camera = drawn(3, poses=16, noise=1e-3, X_angle=np.pi)
+    X, hand, camera = drawn(3, noise=1e-3, X_angle=np.pi)
     for found, true in zip(solve_many_poses(hand, camera, method="tsai_lenz"), X, strict=True):
         assert errors(found, true)[0] < 0.01
 
@@ -147,7 +147,7 @@ def test_one_bad_set_spoils_no_other(method: Method) -> None:
 
 def test_more_sets_than_one_call_takes_are_all_solved(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("jaxmodel.calibrate.many_poses.CHUNK", 1)
-    X, hand, camera = drawn(7, sets=70, poses=4)
+    X, hand, camera = drawn(7, sets=70)
     np.testing.assert_allclose(solve_many_poses(hand, camera), X, rtol=0, atol=1e-9)
     assert solve_many_poses(hand[:0], camera[:0]).shape == (0, 4, 4)
 

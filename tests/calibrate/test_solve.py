@@ -90,7 +90,8 @@ def answer(A: np.ndarray, B: np.ndarray, method: str) -> np.ndarray:
     """A method's answer as it is, in the shape of ``solve``: nothing is compiled anew."""
     rest = np.broadcast_to(np.eye(4), (16 - len(A), 4, 4))
     mask = np.arange(16)[None] < len(A)
-    return solve_many(*(np.concatenate([T, rest])[None] for T in (A, B)), mask, method, verdict=False).X[0]
+    A, B = (np.concatenate([T, rest])[None] for T in (A, B))
+    return solve_many(A, B, mask, method, verdict=False).X[0]
 
 
 @pytest.mark.parametrize("method", UNIT_FREE)
