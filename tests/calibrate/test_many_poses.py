@@ -169,3 +169,16 @@ def test_quaternions_of_every_rotation_come_back() -> None:
     with jax.enable_x64(True):
         back = np.asarray(batch_last.rotation(batch_last.quaternion(jnp.asarray(R))))
     np.testing.assert_allclose(back, R, rtol=0, atol=1e-14)
+
+
+def test_positive_systems_are_solved_and_an_unknown_without_a_pivot_is_left_at_zero() -> None:
+    random = np.random.default_rng(0)
+    rows = random.normal(size=(20, 9, 5)) * [1.0, 1e3, 1e-3, 1.0, 1.0]
+    matrix, right = np.swapaxes(rows, 1, 2) @ rows, random.normal(size=(20, 5))
+    matrix[0, 3], matrix[0, :, 3], right[0, 3] = 0.0, 0.0, 0.0
+    with jax.enable_x64(True):
+        found = np.asarray(batch_last.solve_positive(jnp.asarray(np.moveaxis(matrix, 0, -1)), jnp.asarray(right.T))).T
+    residual = np.einsum("nij,nj->ni", matrix, found) - right
+    size = np.einsum("nij,nj->ni", np.abs(matrix), np.abs(found)) + np.abs(right)
+    assert (np.abs(residual) <= 1e-11 * size).all()
+    assert found[0, 3] == 0.0 and (found[1:] != 0.0).all()
