@@ -28,15 +28,16 @@ TOLERANCE = 1e-7  # of a step (rad, relative length) and of the cost; the last d
 
 
 class _Problem(eqx.Module):
-    """A start and the square roots of the two quadratic forms."""
+    """A start, the square roots of the two quadratic forms, and the length that the translation's tangent counts in."""
 
     start: Estimate
     rotation: Float[jax.Array, "9 9"]
     translation: Float[jax.Array, "13 13"]
+    length: Float[jax.Array, ""]
 
     def moved(self, tangent: Float[jax.Array, " k"]) -> Estimate:
         scale = self.start.scale + tangent[6] if tangent.shape[0] == 7 else self.start.scale
-        return Estimate(turn(tangent[:3]) @ self.start.R, self.start.t + tangent[3:6], scale)
+        return Estimate(turn(tangent[:3]) @ self.start.R, self.start.t + self.length * tangent[3:6], scale)
 
     def residual(self, tangent: Float[jax.Array, " k"]) -> Float[jax.Array, "22"]:
         point = self.moved(tangent)
@@ -47,13 +48,18 @@ class _Problem(eqx.Module):
 
 def descend(sums: PairSums, start: Estimate, weighting: Weighting, unknown_scale: bool = False) -> Estimate:
     """Levenberg-Marquardt on the group from ``start``, all pairs at once through their sums."""
+    # the motions' own length, so that neither damping nor stopping depends on the unit
+    squares = jnp.trace(sums.translation[:9, :9]) / 3 + start.scale**2 * sums.translation[12, 12]
+    length = jnp.where(squares > 0, jnp.sqrt(squares / jnp.where(squares > 0, sums.weight, 1.0)), 1.0)
+    lengths = squares + length**2 * jnp.trace(sums.translation[9:12, 9:12])
     # a curvature of 1e4 whatever the weights, so that the solver's first damping (1) is a small one
-    curvature = weighting.rotation * jnp.trace(sums.rotation) + weighting.translation * jnp.trace(sums.translation)
+    curvature = weighting.rotation * jnp.trace(sums.rotation) + weighting.translation * lengths
     unit = 1e4 / jnp.where(curvature > 0, curvature, 1.0)
     problem = _Problem(
         start,
         jnp.sqrt(0.5 * unit * weighting.rotation) * square_root(sums.rotation),
         jnp.sqrt(unit * weighting.translation) * square_root(sums.translation),
+        length,
     )
     solution = optx.least_squares(
         lambda tangent, p: p.residual(tangent),
