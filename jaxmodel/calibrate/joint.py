@@ -25,6 +25,7 @@ Noise = Literal["camera", "depth", "hand"]
 """The stream that carries the noise; ``depth``: the camera, with a variance of its own along the line of sight."""
 STAGES: dict[Loss, tuple[Loss, ...]] = {"none": ("none",), "huber": ("huber",), "tukey": ("huber", "tukey")}
 ROUNDS = 20  # Gauss-Newton steps that also estimate the variances of rotation and translation
+FEW = 5  # poses; fewer have one variance, of both kinds in the ratio that the start shows
 MAX_STEPS = 60
 ROUNDING = 1e-18
 
@@ -155,6 +156,14 @@ def solve_joint(
                 found.append(robust_variance(jnp.sqrt(squares), used, k) * (k * count / left) + least)
         return found
 
+    def settled(residuals: list[jax.Array], shares: Sequence[jax.Array], kind: Loss) -> list[jax.Array]:
+        """Too few poses tell the variances apart no more, and one could vanish: theirs keep the start's ratio."""
+        found = variances(residuals, shares, kind)
+        squares = [jnp.sum(poses.weight * jnp.sum(r**2, axis=1)) for r in residuals]
+        common = sum(s / v for s, v in zip(squares, begun, strict=True)) / jnp.maximum(6 * count - sum(shares), 1.0)
+        floored = [common * v + least for v, least in zip(begun, floor, strict=True)]
+        return [jnp.where(count < FEW, one, other) for one, other in zip(floored, found, strict=True)]
+
     def sizes(residuals: list[jax.Array], variance: list[jax.Array]) -> jax.Array:
         return jnp.sqrt(sum(jnp.sum(r**2, axis=1) / v for r, v in zip(residuals, variance, strict=True)) / 6)
 
@@ -179,7 +188,7 @@ def solve_joint(
             """A Gauss-Newton step, then the variances anew, each with its own share of the unknowns."""
             point, shares = carry
             residuals = _residuals(poses, point, noise)
-            variance = variances(residuals, shares, kind)
+            variance = settled(residuals, shares, kind)
             weights = [v**-0.5 for v in variance]
             weight = poses.weight * loss_weights(sizes(residuals, variance), kind)
             rows = jacobian(point, weight, weights)
@@ -192,13 +201,12 @@ def solve_joint(
 
     shares = [jnp.asarray(2.0 * k, reach.dtype) for k in dimensions]
     first = _Point(X, Z, scale)
-    point, steps, converged = descend(
-        first, [v**-0.5 for v in variances(_residuals(poses, first, noise), shares, "none")]
-    )
+    begun = variances(_residuals(poses, first, noise), shares, "none")
+    point, steps, converged = descend(first, [v**-0.5 for v in begun])
     for kind in STAGES[loss]:
         point, shares = jax.lax.fori_loop(0, ROUNDS, polish(kind), (point, shares))
     residuals = _residuals(poses, point, noise)
-    variance = variances(residuals, shares, loss)
+    variance = settled(residuals, shares, loss)
     weights, size = [v**-0.5 for v in variance], sizes(residuals, variance)
     robust = loss_weights(size, loss)
     whole = jacobian(point, poses.weight, weights)
@@ -223,7 +231,7 @@ def solve_joint(
         jnp.sqrt(variance[0]),
         jnp.sqrt(translations),
         jnp.sqrt(variance[-1]),
-        jnp.min(left),
+        jnp.where(count < FEW, jnp.sum(left), jnp.min(left)),
         jnp.sqrt(jnp.sum(residuals[0] ** 2, axis=1)),
         jnp.sqrt(sum(jnp.sum(r**2, axis=1) for r in residuals[1:])),
         influence,

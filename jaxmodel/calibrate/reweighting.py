@@ -33,7 +33,7 @@ def reweighted(method: Callable[[Pairs], Estimate], pairs: Pairs, loss: Loss) ->
         weight = pairs.weight * loss_weights(jnp.sqrt(squares / 6), kind)
         return Pairs(pairs.R_A, pairs.t_A, pairs.R_B, pairs.t_B, weight)
 
-    stages: tuple[Loss, ...] = ("huber",) if loss == "huber" else ("huber", "tukey")
-    for kind in stages:
-        estimate = jax.lax.fori_loop(0, ROUNDS, lambda _, found, k=kind: method(weighed(found, k)), estimate)
+    estimate = jax.lax.fori_loop(0, ROUNDS, lambda _, found: method(weighed(found, "huber")), estimate)
+    if loss == "tukey":
+        estimate = jax.lax.fori_loop(0, ROUNDS, lambda _, found: method(weighed(found, "tukey")), estimate)
     return estimate, weighed(estimate, loss)
