@@ -128,7 +128,8 @@ def test_the_fewest_poses_do_not_pretend_to_be_exact(count):
     e = errors_of(found.X.R, found.X.t)
     widths = [half_widths(C[:6, :6], nu) for C, nu in zip(found.covariance, found.freedom, strict=True)]
     held = np.mean(np.abs(e) < widths)
-    assert 0.85 < held < 0.99, held
+    # of 95 %, with a ratio of the variances that only the start tells
+    assert 0.9 < held < 0.985, held
 
 
 def test_exact_motions_have_no_uncertainty_and_two_tell_none():
