@@ -3,11 +3,11 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
-from jaxmodel.calibrate.joint import Noise
 from jaxmodel.calibrate.loss import Loss
 from jaxmodel.io.pose_values import Forms
 
 SetupName = Literal["eye-in-hand", "eye-to-hand", "moving-frames"]
+NoiseName = Literal["auto", "camera", "depth", "hand"]
 ScalesName = Literal["known", "one", "per-group", "per-motion"]
 MethodName = Literal[
     "all", "joint", "linear", "linear_one_step", "tsai_lenz", "dual_quaternion", "park", "quaternion", "nonlinear",
@@ -46,8 +46,9 @@ class Config:
     images: Images | None = None
     setup: SetupName = "eye-in-hand"
     method: MethodName = "all"
-    scales: ScalesName = "known"
-    noise: Noise | Literal["auto"] = "auto"
+    scales: NoiseName = Literal["auto", "camera", "depth", "hand"]
+ScalesName = "known"
+    noise: NoiseName = "auto"
     loss: Loss = "none"
     forms: Forms = field(default_factory=Forms)
     time_offset: Literal["auto"] | float | None = None
