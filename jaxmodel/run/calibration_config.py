@@ -46,8 +46,7 @@ class Config:
     images: Images | None = None
     setup: SetupName = "eye-in-hand"
     method: MethodName = "all"
-    scales: NoiseName = Literal["auto", "camera", "depth", "hand"]
-ScalesName = "known"
+    scales: ScalesName = "known"
     noise: NoiseName = "auto"
     loss: Loss = "none"
     forms: Forms = field(default_factory=Forms)
