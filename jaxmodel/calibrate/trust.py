@@ -3,7 +3,8 @@
 It is right where errors are independent, normal and of the kind that ``noise`` says. Real errors also have causes that
 all poses share: a target or a focal length of the wrong size, a robot whose kinematics are off. Three looks at the data
 tell: the answer without each part of the workspace (jackknife), the camera's lengths set free, and the answer of the
-pairs of poses, which weigh the same errors otherwise. What stands out of the noise is added to the covariance.
+pairs of poses, which weigh the same errors otherwise. What stands out of the noise is added to the covariance. It is no
+proof: an error with another cause (a focal length off, where only depth is stretched) shows in part.
 """
 
 from dataclasses import dataclass
