@@ -41,8 +41,11 @@ class Calibrate:
     scales: Literal["one", "per-group", "per-motion"] | None = None
     """With --unknown-scale: one scale for all (the default), one for each value of the column 'group', or one for each
     motion from a pose to the next."""
-    noise: Literal["camera", "hand"] = "camera"
-    """Which stream carries the noise, for joint."""
+    noise: Literal["auto", "camera", "depth", "hand"] = "auto"
+    """Which stream carries the noise, for joint; depth: the camera, with another error along its line of sight than
+    across it; auto: camera or depth, as the residuals say."""
+    loss: Literal["none", "huber", "tukey"] = "none"
+    """Robust loss of every method: poses that contradict the others are weighed down instead of left out."""
     angle: Literal["deg", "rad"] | None = None
     """Unit of the files' angles. Asked for where a file leaves it open."""
     length: Literal["m", "mm"] | None = None

@@ -42,6 +42,7 @@ def _tree(command: arguments.Calibrate) -> dict[str, Any]:
         "method": command.method,
         "scales": (command.scales or "one") if command.unknown_scale else "known",
         "noise": command.noise,
+        "loss": command.loss,
         "forms": {
             "hand": {name: getattr(command, name) for name in ("angle", "length", "rotation", "quaternion")},
             "camera": {
