@@ -109,7 +109,7 @@ def _summarise(config: Config, rows: polars.DataFrame, seconds: list[dict[str, A
 
 def _figure_3_1(seed: int) -> dict[str, Any]:
     """Angles spread about 0: their counts and means on both intervals, and the mean of §3.3.1."""
-    narrow = SPREAD * simulation.normals(seed, len(CASES), 0, 1, 2000)[0].clip(-5, 5)
+    narrow = SPREAD * simulation.normals(seed, len(CASES), 0, 1, 20_000)[0].clip(-5, 5)
     wide, edges = np.mod(narrow, 2 * np.pi), np.linspace(-np.pi, 2 * np.pi, 73)
     return {
         "m": float(np.mean(narrow)),
@@ -228,8 +228,8 @@ def _figure(of: Mapping[str, Any]) -> Chart:
         Series("angles on ]-pi, pi]", of["angle"], of["narrow"]),
         Series("angles on [0, 2 pi[", of["angle"], of["wide"]),
         *(
-            Series(f"{name} = {of[key]:.2f} rad", [of[key]], [0.0], style="marks")
-            for name, key in (("m", "m"), ("m'", "m'"), ("mean of §3.3.1", "chosen"))
+            Series(f"{name} = {of[key]:.2f} rad", [of[key]] * 2, [0.0, height * max(of["narrow"])])
+            for name, key, height in (("m", "m", 0.3), ("m'", "m'", 0.3), ("mean of §3.3.1", "chosen", 0.15))
         ),
     ]
     panel = Panel("Fig. 3.1: the mean of angles about 0", "angle (rad)", "share of the angles", series)

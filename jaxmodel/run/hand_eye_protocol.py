@@ -21,7 +21,7 @@ from jaxmodel.geometry import se3
 MOST = 64
 """Motions of a run at most."""
 SMALLEST = 16
-"""Motions of a padded problem at least: few lengths, so that few programs are compiled and all share them."""
+"""Motions of a problem that is padded to fewer: two lengths in all, so that few programs are compiled."""
 _DRAWS = 4000  # standard normals of one realisation
 
 
@@ -118,6 +118,11 @@ class Realisation:
         camera = robot.camera_poses(hand, self.T_hand_camera)
         points = robot.board(camera) if points is None else points
         return robot.seen(camera, points, self.image, self.normals(6 * len(hand)), False)
+
+
+def padded_length(motions: int) -> int:
+    """To how many motions problems of at most ``motions`` are padded: one of two lengths."""
+    return SMALLEST if motions <= SMALLEST else MOST
 
 
 def padded(runs: list[tuple[np.ndarray, np.ndarray]], most: int) -> Motions:

@@ -105,12 +105,13 @@ def marks_panel(
     title: str, label: str, names: Sequence[str], values: list[Any], published: Sequence[float | None] | None = None
 ) -> Panel:
     """A median with the range of 90 % for each method, and the report's own values where it has some."""
-    ours = Series("ours: median and 90 % of the robots", names, *([of[key] for of in values]
+    ours = Series("ours", names, *([of[key] for of in values]
                   for key in ("value", "low", "high")), style="marks")  # fmt: skip
-    if published is None:
-        return Panel(title, "", label, [ours], log_y=True)
-    theirs = Series("published", names, [np.nan if of is None else of for of in published], style="marks")
-    return Panel(title, "", label, [ours, theirs], log_y=True)
+    series = [ours]
+    if published is not None:
+        values = [np.nan if of is None else of for of in published]
+        series.append(Series("published", names, values, style="marks"))
+    return Panel(title, "ours: median and 90 % of the robots", label, series, log_y=True)
 
 
 def _positive(curves: list[Any], method: str, name: str) -> list[float]:

@@ -9,10 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from jaxmodel.calibrate import Outcome, Scales, self_calibrate, simulation, solve
 from jaxmodel.calibrate import simulated_robot as robot
-from jaxmodel.geometry.masked import size_class
 from jaxmodel.run import hand_eye_claims as claims
 from jaxmodel.run.hand_eye_methods import PUBLISHED, all_solved, solved
-from jaxmodel.run.hand_eye_protocol import MOST, SMALLEST, Bench, Realisation, padded, references
+from jaxmodel.run.hand_eye_protocol import MOST, Bench, Realisation, padded, padded_length, references
 from jaxmodel.run.hand_eye_study import Measured
 
 SELF = "self-calibration"
@@ -56,7 +55,7 @@ class Config:
     @property
     def length(self) -> int:
         """Motions of a padded problem, the same in all cells."""
-        return size_class(max(self.bench.positions - 1, self.motions), SMALLEST)
+        return padded_length(max(self.bench.positions - 1, self.motions))
 
 
 def protocol(config: Config, first: int, count: int) -> Measured:

@@ -14,18 +14,17 @@ import polars
 from jaxmodel.calibrate import simulated_robot as robot
 from jaxmodel.calibrate import simulation
 from jaxmodel.calibrate.errors import quaternion_error, quaternion_error_angle_deg
-from jaxmodel.geometry.masked import size_class
 from jaxmodel.io.results import RunDir
 from jaxmodel.run import hand_eye_claims as claims
 from jaxmodel.run.hand_eye_methods import FROM_IDENTITY, PUBLISHED, SENTENCE, all_solved
 from jaxmodel.run.hand_eye_protocol import (
     MOST,
-    SMALLEST,
     Bench,
     Realisation,
     agreement,
     deviations,
     padded,
+    padded_length,
     references,
     shown,
     spread,
@@ -40,9 +39,9 @@ from jaxmodel.view.table import Table
 METHODS = (*PUBLISHED, FROM_IDENTITY, "nonlinear on the group")
 FAR = "trajectory 1"
 RUNS = {FAR: "3.8", "complete": "3.9", "expo": "3.10", "init": "3.11"}
-NAMES = ("axis/angle", "dual quat.", "nonlinear", "linear", "nonl. from I", "nonl. group")
+NAMES = ("axis/angle", "dual quat.", "nonlinear", "linear", "nonl. from identity", "nonl. on group")
 RESIDUALS = {
-    "rotation": "mean of 2 - 2 cos(angle / 2) of AX against XB",
+    "rotation": "mean of 2 - 2 cos(angle / 2)",
     "translation": "mean of |t_AX - t_XB| / |t_XB|",
 }
 
@@ -99,7 +98,7 @@ def _measure(config: Config, first: int, count: int) -> Measured:
         "init": [(hand[:3], camera[:3]) for hand, camera in whole],
     }
     errors, columns = {"reference, truth": simulation.errors(reference, truth)}, {}
-    most = size_class(max(config.bench.positions - 1, config.steps + 2), SMALLEST)
+    most = padded_length(max(config.bench.positions - 1, config.steps + 2))
     for run, poses in parts.items():
         motions = padded(poses, most)
         columns |= measured(run, motions, reference, config.weights)
@@ -213,7 +212,9 @@ def charts(summary: Mapping[str, Any], rows: polars.DataFrame) -> list[Chart]:
     drawn = []
     for run, figure in RUNS.items():
         panels = [
-            marks_panel(f"Fig. {figure}, {run}: {what}", label, NAMES, [of["residuals"][what] for of in runs[run]])
+            marks_panel(
+                f"Fig. {figure}, {run}: AX against XB", label, NAMES, [of["residuals"][what] for of in runs[run]]
+            )
             for what, label in RESIDUALS.items()
         ]
         drawn.append(Chart(f"figure-{figure}-{run.replace(' ', '-')}", f"Fig. {figure}: {run}", panels))

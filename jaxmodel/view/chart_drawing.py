@@ -6,6 +6,7 @@ from textwrap import fill
 from typing import Any
 
 import numpy as np
+from matplotlib.ticker import NullFormatter
 
 from jaxmodel.view.charts import Chart, Panel
 from jaxmodel.view.figures import grid_of_axes, png_bytes
@@ -15,7 +16,7 @@ _GROUP = 0.8
 """Share of a category's width that its bars fill together."""
 _LETTERS = 66
 """Letters of the names along x that fit beside each other."""
-_LEGEND_LETTERS, _LEGEND_ROW = 54, 0.24
+_LEGEND_LETTERS, _LEGEND_ROW = 78, 0.24
 """Letters of a legend's row under one panel (each entry takes some for its mark), and the height of a row (inches)."""
 
 
@@ -71,8 +72,17 @@ def _draw(axes: Any, panel: Panel) -> None:
         axes.set_xscale("log")
     if panel.log_y:
         axes.set_yscale("log")
+        _whole_decades(axes)
     elif _lowest(panel) >= 0:
         axes.set_ylim(bottom=0)
+
+
+def _whole_decades(axes: Any) -> None:
+    """At least two powers of ten along y: labels of the values between them would be too wide."""
+    low, high = np.log10(axes.get_ylim())
+    if np.floor(high) - np.ceil(low) < 1:
+        axes.set_ylim(10.0 ** np.floor(low), 10.0 ** np.ceil(high))
+    axes.yaxis.set_minor_formatter(NullFormatter())
 
 
 def panel_plot(panel: Panel) -> dict[str, Any]:
