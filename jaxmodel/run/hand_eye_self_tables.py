@@ -10,7 +10,7 @@ from jaxmodel.calibrate.errors import quaternion_error_angle_deg
 from jaxmodel.run import hand_eye_claims as claims
 from jaxmodel.run.hand_eye_protocol import agreement, shown
 from jaxmodel.run.hand_eye_report import chosen_table, marks_panel
-from jaxmodel.run.hand_eye_self_draws import METHODS, RUNS, SELF
+from jaxmodel.run.hand_eye_self_draws import COMPARED, METHODS, RUNS, SELF
 from jaxmodel.run.published import published_table
 from jaxmodel.view.charts import Chart, Panel, Series
 from jaxmodel.view.table import Table
@@ -60,14 +60,14 @@ def tables(summary: Mapping[str, Any], command: str) -> list[Table]:
 def _published(run: str, method: str, what: str) -> float | None:
     """The value of Table 4.1 or of §4.3, where there is one."""
     data = published_table("hand_eye")
-    if run in data["table_4_1"]:
+    if run in data["table_4_1"] and method in METHODS:
         return data["table_4_1"][run][what][METHODS.index(method)]
     return data["self_calibration_33"][what] if method == SELF else None
 
 
 def charts(summary: Mapping[str, Any], rows: polars.DataFrame) -> list[Chart]:
     """Figs 4.1 and 4.4 and the bias against the scale."""
-    names = ["axis/angle", "dual quat.", "nonlinear", "linear", "self"]
+    names = ["axis/angle", "dual quat.", "nonlinear", "linear", "self", "self, target"]
     drawn = []
     for figure in dict.fromkeys(RUNS.values()):
         panels = []
@@ -77,11 +77,11 @@ def charts(summary: Mapping[str, Any], rows: polars.DataFrame) -> list[Chart]:
                 ("rotation", "angle_deg", "error to the reference (°)"),
                 ("translation", "translation", "|t - t*| / |t*| to the reference"),
             ):
-                theirs = [_published(run, method, what) for method in METHODS]
+                theirs = [_published(run, method, what) for method in COMPARED[run]]
                 if key == "angle_deg":
                     theirs = [None if of is None else float(quaternion_error_angle_deg(np.array(of))) for of in theirs]
                 title = f"Fig. {figure}, {run}: {what}"
-                panels.append(marks_panel(title, label, names, [of[key] for of in values], theirs))
+                panels.append(marks_panel(title, label, names[: len(values)], [of[key] for of in values], theirs))
         drawn.append(Chart(f"figure-{figure}", f"Fig. {figure}: errors to the reference", panels))
     series = [
         Series(name, [of["scale"] for of in summary["bias"]], [of[key]["value"] for of in summary["bias"]])
