@@ -72,12 +72,12 @@ def _draw(axes: Any, panel: Panel) -> None:
         axes.set_xscale("log")
     if panel.log_y:
         axes.set_yscale("log")
-        _whole_decades(axes)
+        whole_decades(axes)
     elif _lowest(panel) >= 0:
         axes.set_ylim(bottom=0)
 
 
-def _whole_decades(axes: Any) -> None:
+def whole_decades(axes: Any) -> None:
     """At least two powers of ten along y: labels of the values between them would be too wide."""
     low, high = np.log10(axes.get_ylim())
     if np.floor(high) - np.ceil(low) < 1:

@@ -4,6 +4,7 @@ import contextlib
 import importlib.util
 import io
 import json
+import re
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -20,14 +21,18 @@ from jaxmodel.run.registry import load_experiment
 ROOT = Path(__file__).resolve().parents[2]
 
 
-@pytest.fixture(scope="module")
-def hand_eye() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("hand_eye", ROOT / "experiments" / "hand_eye.py")
+def script(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, ROOT / "experiments" / f"{name}.py")
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    sys.modules["hand_eye"] = module
+    sys.modules[name] = module
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture(scope="module")
+def hand_eye() -> ModuleType:
+    return script("hand_eye")
 
 
 class Quick(NamedTuple):
@@ -107,6 +112,24 @@ def test_what_is_exact_in_the_quick_form(quick: Quick) -> None:
         "two general motions": ([4], [5]),
     }
     assert {name: (ranks[name]["scale"], ranks[name]["scales"]) for name in expected} == expected
+
+
+@pytest.mark.slow
+@pytest.mark.xdist_group("hand_eye")
+def test_the_readme_tables_hold_every_claim_and_published_value(quick: Quick, tmp_path: Path) -> None:
+    readme = script("readme_results")
+    lines = readme.hand_eye_tables(quick.out)
+    content, data = json.loads((quick.out / "claims.json").read_text()), published_table("hand_eye")
+    text = "\n".join(lines).replace("\\|", "|")
+    assert all(line[0] in text for line in (*content["claims"], *content["statements"]))
+    values = sum(len(of["rotation"]) for key in ("table_3_3", "table_4_1") for of in data[key].values())
+    assert sum("Table 3.3" in line or "Table 4.1" in line for line in lines[:40]) == values
+    bars = [len(re.findall(r"(?<!\\)\|", line)) for line in lines if line]
+    assert all(count in (4, 7) for count in bars)
+    path = tmp_path / "page.md"
+    path.write_text("before <a>old<b> after")
+    readme.write_between(path, ("<a>", "<b>"), ["new"])
+    assert path.read_text() == "before <a>\n\nnew\n\n<b> after"
 
 
 @pytest.mark.parametrize("tiny", [True, False])
