@@ -144,14 +144,19 @@ def bias(config: Config, scale: float, first: int, count: int) -> Measured:
 
 
 def scale_error(config: Config, angles_deg: tuple[float, float], number: int, first: int, count: int) -> Measured:
-    """Scale and X from ``motions`` motions at the report's noise: the linear method, and refined on the group."""
+    """Scale and X from ``motions`` motions at the report's noise: the linear method, and refined."""
     X, A, B, mask, drawn = _motions(config, 30 + number, first, count, angles_deg)
     A = simulation.with_report_noise(A, config.noise, drawn)
     A[..., :3, 3] /= _UNKNOWN
+    n = config.motions
+    refined = [self_calibrate(a[:n], b[:n], Scales.COMMON) for a, b in zip(A, B, strict=True)]
+    found = {
+        "linear": solved("linear", A, B, mask, unknown_scale=True),
+        "refined": (np.stack([one.X for one in refined]), np.array([one.scale[0] for one in refined])),
+    }
     columns = {}
-    for method in ("linear", "nonlinear on the group"):
-        found, scale = solved(method, A, B, mask, unknown_scale=True)
-        angle, shift = simulation.errors(found, X)
+    for method, (found_X, scale) in found.items():
+        angle, shift = simulation.errors(found_X, X)
         columns |= {f"{method} scale error": np.abs(scale / _UNKNOWN - 1), f"{method} translation": shift,
                     f"{method} rotation (deg)": angle}  # fmt: skip
     return Measured(columns)

@@ -34,7 +34,7 @@ def tables(summary: Mapping[str, Any], command: str) -> list[Table]:
         (f"{of['angles_deg'][0]:g} to {of['angles_deg'][1]:g}°", method,
          *(shown(of[f"{method} {what}"]) for what in ("scale error", "translation", "rotation (deg)")))
         for of in summary["scales"]
-        for method in ("linear", "nonlinear on the group")
+        for method in ("linear", "refined")
     ]  # fmt: skip
     pure = [
         (f"{of['noise']:g}", f"{of['tied']} of {of['sets']}", f"{of['solved with the target']} of {of['sets']}")
