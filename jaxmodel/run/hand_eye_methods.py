@@ -15,12 +15,15 @@ from jaxmodel.calibrate.estimate import Estimate
 from jaxmodel.calibrate.linear import solve_linear
 from jaxmodel.calibrate.nonlinear import QuaternionWeights, solve_quaternion_penalty
 from jaxmodel.calibrate.pairs import make_pairs
+from jaxmodel.calibrate.tsai_lenz import solve_tsai_lenz
 from jaxmodel.geometry import se3
 
 PUBLISHED = ("axis/angle", "dual quaternions", "nonlinear", "linear")
 """Methods 1 to 4 of the report's figures and tables."""
 OURS = ("linear, one step", "nonlinear on the group")
 FROM_IDENTITY = "nonlinear from the identity"
+UNIT_AXES = "axis/angle with unit axes"
+"""As eq. 2.1 is printed; Tsai and Lenz weight their axes by 2 sin(angle / 2), and so does "axis/angle" here."""
 _SOLVERS = {
     "axis/angle": "tsai_lenz",
     "dual quaternions": "dual_quaternion",
@@ -45,6 +48,10 @@ def solved(
     """X of AX = XB and the scale of each problem, as the method has them: no verdict."""
     if method in ("nonlinear", FROM_IDENTITY):
         return solved_by_penalty(A, B, mask, WEIGHTS, method == FROM_IDENTITY), np.ones(len(A))
+    if method == UNIT_AXES:
+        with jax.enable_x64(True):
+            R, t = jax.tree.map(np.asarray, _unit_axes()(A, B, _used(A, mask)))
+        return se3.compose(R, t), np.ones(len(A))
     found = solve_many(A, B, mask, _SOLVERS[method], unknown_scale, verdict=False)
     return found.X, found.scale
 
@@ -57,11 +64,23 @@ def solved_by_penalty(
     from_identity: bool,
 ) -> Float[np.ndarray, "b 4 4"]:
     """X by §2.2.3 under the given weights, started from the linear solution or from the identity."""
-    used = np.ones(A.shape[:2]) if mask is None else mask.astype(np.float64)
     with jax.enable_x64(True):
         given = jax.tree.map(np.float64, weights)
-        R, t = jax.tree.map(np.asarray, _penalty()(A, B, used, given, np.float64(from_identity)))
+        R, t = jax.tree.map(np.asarray, _penalty()(A, B, _used(A, mask), given, np.float64(from_identity)))
     return se3.compose(R, t)
+
+
+def _used(A: Float[np.ndarray, "b n 4 4"], mask: Bool[np.ndarray, "b n"] | None) -> Float[np.ndarray, "b n"]:
+    return np.ones(A.shape[:2]) if mask is None else mask.astype(np.float64)
+
+
+@lru_cache
+def _unit_axes() -> Callable[..., Any]:
+    def one(A: jax.Array, B: jax.Array, used: jax.Array) -> tuple[jax.Array, jax.Array]:
+        found = solve_tsai_lenz(make_pairs(A, B, used)[0], unit_axes=True)
+        return found.R, found.t
+
+    return jax.jit(jax.vmap(one))
 
 
 @lru_cache

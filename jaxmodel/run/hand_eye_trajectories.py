@@ -16,7 +16,7 @@ from jaxmodel.calibrate import simulation
 from jaxmodel.calibrate.errors import quaternion_error, quaternion_error_angle_deg
 from jaxmodel.io.results import RunDir
 from jaxmodel.run import hand_eye_claims as claims
-from jaxmodel.run.hand_eye_methods import FROM_IDENTITY, PUBLISHED, SENTENCE, all_solved
+from jaxmodel.run.hand_eye_methods import FROM_IDENTITY, PUBLISHED, SENTENCE, UNIT_AXES, all_solved
 from jaxmodel.run.hand_eye_protocol import (
     MOST,
     Bench,
@@ -36,10 +36,10 @@ from jaxmodel.run.published import published_table
 from jaxmodel.view.charts import Chart
 from jaxmodel.view.table import Table
 
-METHODS = (*PUBLISHED, FROM_IDENTITY, "nonlinear on the group")
+METHODS = (*PUBLISHED, UNIT_AXES, FROM_IDENTITY, "nonlinear on the group")
 FAR = "trajectory 1"
 RUNS = {FAR: "3.8", "complete": "3.9", "expo": "3.10", "init": "3.11"}
-NAMES = ("axis/angle", "dual quat.", "nonlinear", "linear", "nonl. from identity", "nonl. on group")
+NAMES = ("axis/angle", "dual quat.", "nonlinear", "linear", "unit axes", "nonl. from identity", "nonl. on group")
 RESIDUALS = {
     "rotation": "mean of 2 - 2 cos(angle / 2)",
     "translation": "mean of |t_AX - t_XB| / |t_XB|",
@@ -123,7 +123,7 @@ def _claims() -> list[claims.Claim]:
         found += both("many", "expo", nonlinear, "axis/angle")
     for run in ("init", "expo"):
         found += both("both", run, "linear", "axis/angle") + both("both", run, "linear", "dual quaternions")
-    for lost in ("axis/angle", "dual quaternions"):
+    for lost in ("axis/angle", UNIT_AXES, "dual quaternions"):
         found += both("lost", "expo", "linear", lost) + both("whole", "complete", "linear", lost)
     for run in RUNS:
         for other in PUBLISHED[:3]:
