@@ -67,7 +67,7 @@ def _published(run: str, method: str, what: str) -> float | None:
 
 def charts(summary: Mapping[str, Any], rows: polars.DataFrame) -> list[Chart]:
     """Figs 4.1 and 4.4 and the bias against the scale."""
-    names = ["axis/angle", "dual quat.", "nonlinear", "linear", "self", "self, target"]
+    names = ["axis / angle", "dual quat.", "nonlinear", "linear", "self", "self, target"]
     drawn = []
     for figure in dict.fromkeys(RUNS.values()):
         panels = []

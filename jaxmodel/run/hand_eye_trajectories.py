@@ -39,7 +39,7 @@ from jaxmodel.view.table import Table
 METHODS = (*PUBLISHED, UNIT_AXES, FROM_IDENTITY, "nonlinear on the group")
 FAR = "trajectory 1"
 RUNS = {FAR: "3.8", "complete": "3.9", "expo": "3.10", "init": "3.11"}
-NAMES = ("axis/angle", "dual quat.", "nonlinear", "linear", "unit axes", "nonl. from identity", "nonl. on group")
+NAMES = ("axis / angle", "dual quat.", "nonlinear", "linear", "unit axes", "nonl. from identity", "nonl. on group")
 RESIDUALS = {
     "rotation": "mean of 2 - 2 cos(angle / 2)",
     "translation": "mean of |t_AX - t_XB| / |t_XB|",

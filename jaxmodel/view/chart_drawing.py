@@ -30,7 +30,8 @@ def chart_png(chart: Chart) -> bytes:
     labels = [[series.label for series in panel.series] for panel in chart.panels]
     shared = len(labels[0]) > 1 and all(of == labels[0] for of in labels)
     across = min(len(labels[0]), _LEGEND_LETTERS * columns // (max(map(len, labels[0])) + 6)) if shared else 1
-    figure, axes = grid_of_axes(rows, columns, _LEGEND_ROW * -(-len(labels[0]) // across) if shared else 0.0)
+    foot = _LEGEND_ROW * (-(-len(labels[0]) // across) + 0.5) if shared else 0.0
+    figure, axes = grid_of_axes(rows, columns, foot)
     flat: list[Any] = [one for row in axes for one in row]
     for one, panel in zip(flat, chart.panels, strict=False):
         _draw(one, panel)
