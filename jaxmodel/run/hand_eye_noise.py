@@ -164,7 +164,7 @@ def charts(summary: Mapping[str, Any], rows: polars.DataFrame) -> list[Chart]:
             drawn.append(Chart(f"figure-{figure}-{draws}-draws", title, panels))
     panels = []
     for motions in ("large", "small"):
-        of = [one for one in summary["times"] if one["motions"] == motions]
+        of = [one for one in summary["times"] if one["motions"] == motions and one["seconds"]]
         series = [Series(m, [one["noise"] for one in of], [1e6 * one["seconds"][m] for one in of]) for m in METHODS]
         panels.append(Panel(f"Fig. 3.3, two {motions} motions", NOISE, TIME, series, log_y=True))
     return [*drawn, Chart("figure-3.3-times", "Fig. 3.3: time", panels)]
