@@ -67,7 +67,7 @@ def counted(lines: Sequence[tuple[str, ...]]) -> dict[str, int]:
 
 
 def picture(out: Path, summaries: Mapping[str, Mapping[str, Any]]) -> bytes:
-    """Figs 3.2, 3.4 and 3.5, those that were run, with all draws: medians of the rotation, and of the translation below."""
+    """Figs 3.2, 3.4 and 3.5, those that were run, with all draws: medians of rotation, and of translation below."""
     from jaxmodel.run import hand_eye_count, hand_eye_noise
     from jaxmodel.run.study_report import read_table
     from jaxmodel.view.chart_drawing import chart_png

@@ -112,16 +112,21 @@ def _table_rows(folder: Path) -> list[tuple[str, ...]]:
                 said = data["self_calibration_33"]
             elif method != extra or run not in table:
                 continue
-            turn = f"{float(quaternion_error_angle_deg(np.array(said['rotation']))):.2g}°" if said else ""
-            shift = f"{100 * said['translation']:.2g} %" if said else ""
+            turn = f"{_number(float(quaternion_error_angle_deg(np.array(said['rotation']))))}°" if said else ""
+            shift = f"{_number(100 * said['translation'])} %" if said else ""
             label = f"{run} ({where if run in table else '§4.3'})" if said else run
             rows.append((label, method, turn, ours[0], shift, ours[1]))
     return rows
 
 
 def _spread(of: dict[str, float], factor: float, unit: str) -> str:
-    value, low, high = (f"{factor * of[key]:.2g}" for key in ("value", "low", "high"))
+    value, low, high = (_number(factor * of[key]) for key in ("value", "low", "high"))
     return f"{value} [{low}, {high}]{unit}"
+
+
+def _number(value: float) -> str:
+    """Two digits, without an exponent."""
+    return f"{float(f'{value:.2g}'):g}"
 
 
 def hand_eye_tables(folder: Path) -> list[str]:
