@@ -6,6 +6,7 @@ from textwrap import fill
 from typing import Any
 
 import numpy as np
+from matplotlib.ticker import NullFormatter
 
 from jaxmodel.view.charts import Chart, Panel
 from jaxmodel.view.figures import grid_of_axes, png_bytes
@@ -15,18 +16,31 @@ _GROUP = 0.8
 """Share of a category's width that its bars fill together."""
 _LETTERS = 66
 """Letters of the names along x that fit beside each other."""
+_LEGEND_LETTERS, _LEGEND_ROW = 78, 0.24
+"""Letters of a legend's row under one panel (each entry takes some for its mark), and the height of a row (inches)."""
 
 
 def chart_png(chart: Chart) -> bytes:
-    """The chart as PNG: three panels a row at most (four are two by two), the same bytes for the same data."""
+    """The chart as PNG: three panels a row at most (four are two by two), the same bytes for the same data.
+
+    Where all panels have the same curves their one legend stands below, else each panel has its own.
+    """
     columns = 2 if len(chart.panels) == 4 else min(len(chart.panels), 3)
     rows = -(-len(chart.panels) // columns)
-    figure, axes = grid_of_axes(rows, columns)
+    labels = [[series.label for series in panel.series] for panel in chart.panels]
+    shared = len(labels[0]) > 1 and all(of == labels[0] for of in labels)
+    across = min(len(labels[0]), _LEGEND_LETTERS * columns // (max(map(len, labels[0])) + 6)) if shared else 1
+    foot = _LEGEND_ROW * (-(-len(labels[0]) // across) + 0.5) if shared else 0.0
+    figure, axes = grid_of_axes(rows, columns, foot)
     flat: list[Any] = [one for row in axes for one in row]
     for one, panel in zip(flat, chart.panels, strict=False):
         _draw(one, panel)
+        if len(panel.series) > 1 and not shared:
+            one.legend(fontsize=7)
     for spare in flat[len(chart.panels) :]:
         spare.set_axis_off()
+    if shared:
+        figure.legend(*flat[0].get_legend_handles_labels(), loc="lower center", ncols=across, fontsize=8, frameon=False)
     return png_bytes(figure)
 
 
@@ -62,10 +76,17 @@ def _draw(axes: Any, panel: Panel) -> None:
             _plain_numbers(axes.xaxis)
     if panel.log_y:
         axes.set_yscale("log")
+        whole_decades(axes)
     elif _lowest(panel) >= 0:
         axes.set_ylim(bottom=0)
-    if len(panel.series) > 1:
-        axes.legend(fontsize=7)
+
+
+def whole_decades(axes: Any) -> None:
+    """At least two powers of ten along y: labels of the values between them would be too wide."""
+    low, high = np.log10(axes.get_ylim())
+    if np.floor(high) - np.ceil(low) < 1:
+        axes.set_ylim(10.0 ** np.floor(low), 10.0 ** np.ceil(high))
+    axes.yaxis.set_minor_formatter(NullFormatter())
 
 
 def _plain_numbers(axis: Any) -> None:
