@@ -1,7 +1,8 @@
 """A camera's intrinsic parameters from views of a flat target, without its stray corners; OpenCV comes from images.py.
 
 One corner in the wrong place bends the whole estimate, so estimation and doubt take turns: fit, leave out the worst
-corner of each view that lies far from where all the others put it, fit again.
+corner of each view that lies far from where all the others put it, fit again. Once none is left, corners that were only
+bent away by the worse ones return.
 """
 
 from typing import Any, NamedTuple
@@ -29,7 +30,7 @@ class Fitted(NamedTuple):
 
 
 def stray(distance: Float[np.ndarray, " k"], typical: float | None = None) -> bool:
-    """Whether the largest of these distances (px) from the fit is beyond what noise does."""
+    """Whether the largest of these distances (px) from the fit is beyond what noise does; ``typical``: their median."""
     typical = float(np.median(distance)) if typical is None else typical
     return bool(distance.max() > STRAY * max(typical, LEAST_STRAY_PX))
 
@@ -67,7 +68,8 @@ def estimate_camera(
             f"The target was found in {len(corners)} images; at least {FEWEST_VIEWS} are needed to estimate the camera "
             "too: give more, or a camera file."
         )
-    kept = np.isfinite(corners[..., 0])
+    seen = np.isfinite(corners[..., 0])
+    kept, returned = seen, False
     radial = (cv2.CALIB_FIX_K1, cv2.CALIB_FIX_K2, cv2.CALIB_FIX_K3)
     level = cv2.CALIB_ZERO_TANGENT_DIST
     models = ((0, level | sum(radial)), (1, level | radial[1] | radial[2]), (2, level | radial[2]), (5, 0))
@@ -75,10 +77,16 @@ def estimate_camera(
         solved = _solve(cv2, points, corners, kept, size, models[2][1])
         if solved is None:
             break
-        worst = _worst(_distances(cv2, points, corners, kept, solved))
-        if not worst.any():
+        distance = _distances(cv2, points, corners, solved)
+        typical = float(np.median(distance[kept]))
+        worst = _worst(np.where(kept, distance, np.nan), typical)
+        if worst.any():
+            kept = kept & ~worst
+            continue
+        innocent = seen & ~kept & (distance <= STRAY * max(typical, LEAST_STRAY_PX))
+        if returned or not innocent.any():
             break
-        kept = kept & ~worst
+        kept, returned = kept | innocent, True
     best, lowest = None, np.inf
     count = 2 * int(kept.sum())
     for terms, flags in models:
@@ -107,20 +115,17 @@ def _solve(cv2: Any, points: np.ndarray, corners: np.ndarray, kept: np.ndarray, 
         return None
 
 
-def _distances(
-    cv2: Any, points: np.ndarray, corners: np.ndarray, kept: np.ndarray, solved: Any
-) -> Float[np.ndarray, "v m"]:
-    """How far each corner lies from its reprojection (px); NaN where it is not kept."""
-    distance = np.full(kept.shape, np.nan)
+def _distances(cv2: Any, points: np.ndarray, corners: np.ndarray, solved: Any) -> Float[np.ndarray, "v m"]:
+    """How far each corner lies from its reprojection (px); NaN where it is not seen."""
+    distance = np.full(corners.shape[:2], np.nan)
     for k, (turn, shift) in enumerate(zip(solved[3], solved[4], strict=True)):
         seen = cv2.projectPoints(points, turn, shift, solved[1], solved[2])[0].reshape(-1, 2)
         distance[k] = np.linalg.norm(seen - corners[k], axis=1)
-    return np.where(kept, distance, np.nan)
+    return distance
 
 
-def _worst(distance: Float[np.ndarray, "v m"]) -> Bool[np.ndarray, "v m"]:
-    """The worst corner of each view, where it is stray by the median of all views and corners are left to spare."""
-    typical = float(np.nanmedian(distance))
+def _worst(distance: Float[np.ndarray, "v m"], typical: float) -> Bool[np.ndarray, "v m"]:
+    """The worst corner of each view, where it is stray by the ``typical`` distance and corners are left to spare."""
     found = np.zeros(distance.shape, bool)
     for k, one in enumerate(distance):
         if np.isfinite(one).sum() > FEWEST_CORNERS and stray(one[np.isfinite(one)], typical):
