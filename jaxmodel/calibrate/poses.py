@@ -23,7 +23,8 @@ class HandEye:
 
     ``transforms``: ``T_hand_camera`` and ``T_base_target`` (camera on the hand), or ``T_base_camera`` and
     ``T_hand_target`` (camera fixed), with their inverses; metric, in the unit of the hand's poses. ``scale`` times the
-    camera's translations is metric. ``covariance`` of X (the first of them) is that of ``(rotation, translation)``
+    camera's translations is metric; ``scale_deviation`` is its standard deviation (``joint``, scale unknown).
+    ``covariance`` of X (the first of them) is that of ``(rotation, translation)``
     errors ``R <- exp(d) R`` (rad), ``t <- t + e``; only ``joint`` has one, with ``freedom`` degrees of freedom. One
     residual for each pose (``joint``) or each motion (the other methods): rad and unit of the hand.
     """
@@ -40,6 +41,7 @@ class HandEye:
     freedom: float = float("nan")
     influence: Float[np.ndarray, " n"] | None = None
     steps: int = 0
+    scale_deviation: float = float("nan")
 
     @property
     def X(self) -> Float[np.ndarray, "4 4"]:
@@ -187,6 +189,7 @@ def _joint(
         float(solution.freedom[0]),
         solution.influence[0, :n],
         int(solution.steps[0]),
+        float(solution.scale[0] * np.sqrt(solution.covariance[0, 12, 12])) if unknown_scale else float("nan"),
     )
 
 

@@ -57,6 +57,7 @@ class Answers:
     ``kept`` are the poses that were used, ``outlier`` those that contradict the others, ``score`` their normalised
     squared residuals (NaN where not looked for);
     ``left_out`` the change of X (rotation vector, translation) when a pose of ``kept`` is left out, NaN elsewhere.
+    ``rescaled``: joint once more with a free scale of the camera's lengths, to check them against the hand's.
     """
 
     setup: Setup
@@ -69,6 +70,7 @@ class Answers:
     score: Float[np.ndarray, " n"]
     left_out: Float[np.ndarray, "n 6"]
     bootstrap: Float[np.ndarray, "6 6"] | None
+    rescaled: HandEye | None = None
 
 
 def find_answers(config: Config, poses: PairedPoses, done: Callable[[str], None]) -> Answers:
@@ -108,7 +110,9 @@ def find_answers(config: Config, poses: PairedPoses, done: Callable[[str], None]
         answers.append(_self_answer("self_calibration", found, setup, motions))
         done("self_calibration")
     chosen = answers[0]
-    left_out, spread = np.full((n, 6), np.nan), None
+    left_out, spread, rescaled = np.full((n, 6), np.nan), None, None
+    if chosen.outcome.usable and chosen.method == "joint" and not unknown:
+        rescaled = calibrate_poses(poses.hand[kept], poses.camera[kept], setup, unknown_scale=True, noise=config.noise)
     rows = np.flatnonzero(kept)
     if chosen.outcome.usable and len(rows) >= 5:
         hand, camera = poses.hand[rows], _metric(poses.camera[rows], float(chosen.scale[0]))
@@ -122,7 +126,7 @@ def find_answers(config: Config, poses: PairedPoses, done: Callable[[str], None]
             spread = replicas.covariance
             done("bootstrap")
     return Answers(
-        setup, motions, answers, chosen, _reason(chosen, config, kept), kept, outlier, score, left_out, spread
+        setup, motions, answers, chosen, _reason(chosen, config, kept), kept, outlier, score, left_out, spread, rescaled
     )
 
 
@@ -167,7 +171,7 @@ def _answer(name: str, found: HandEye, poses: PairedPoses, motions: MotionPairs,
         found.outcome,
         found.observability,
         np.array([found.scale]),
-        np.array([np.nan]),
+        np.array([found.scale_deviation]),
         *motion_residuals(motions, found.X, scale),
         *pose_residuals(poses.hand, poses.camera, found.setup, found.X, found.Z, scale),
         found.covariance,

@@ -1,12 +1,15 @@
 """What the residuals of a calibration say against its files or options."""
 
 import numpy as np
+from scipy.stats import t as student
 
 from jaxmodel.geometry import se3
 from jaxmodel.run.calibration_answers import Answers
 
 DOUBTFUL = 5.0
 """Methods that lie further apart than so many standard deviations are remarked on."""
+LENGTHS_DIFFER, CHANCE = 0.01, 1e-4
+"""The camera's lengths are remarked on where they differ so much from the hand's, and chance does that so rarely."""
 
 
 def remarks(found: Answers) -> list[str]:
@@ -28,6 +31,9 @@ def remarks(found: Answers) -> list[str]:
             )
     if found.outlier.any() and found.kept.all():
         notes.append(f"{int(found.outlier.sum())} of {len(found.kept)} poses contradict the others, but all are used")
+    lengths = _lengths(found)
+    if lengths:
+        notes.append(lengths)
     covariance = found.recommended.covariance
     if covariance is not None and found.setup.x_name in found.recommended.transforms:
         expected = float(np.sqrt(np.trace(covariance[3:, 3:])))
@@ -40,3 +46,20 @@ def remarks(found: Answers) -> list[str]:
                 "methods on pairs; take the deviation with care"
             )
     return notes
+
+
+def _lengths(found: Answers) -> str | None:
+    """Whether the hand's lengths contradict the camera's, by the scale that fits best and its deviation."""
+    free = found.rescaled
+    if free is None or not free.outcome.usable or not free.scale > 0 or not free.scale_deviation > 0:
+        return None
+    away = abs(np.log(free.scale))
+    chance = 2 * student.sf(away * free.scale / free.scale_deviation, max(free.freedom, 1.0))
+    if away < LENGTHS_DIFFER or chance > CHANCE:
+        return None
+    shift = np.linalg.norm(free.X[:3, 3] - found.recommended.transforms[found.setup.x_name][:3, 3])
+    return (
+        f"the camera's lengths would fit the hand's better times {free.scale:.4g} (standard deviation "
+        f"{free.scale_deviation:.2g}), which moves the answer by {1e3 * shift:.1f} mm: check the size of the target's "
+        "squares, the units of both streams and the camera's focal length, or let the hand say it with --unknown-scale"
+    )

@@ -5,6 +5,7 @@ import sys
 import cv2
 import numpy as np
 import pytest
+from rendered_scene import CAMERA, T_HAND_CAMERA, boxes, nine_views, photographs
 from rendered_targets import PINHOLE, pose_errors, take
 from scipy.spatial.transform import Rotation
 
@@ -15,50 +16,16 @@ from jaxmodel.errors import InputError, RunError
 from jaxmodel.geometry import se3
 from jaxmodel.io.camera import load_camera
 from jaxmodel.io.hand_eye import read_visp_poses
-from jaxmodel.scan.camera import Camera
-from jaxmodel.scan.textured_scene import Face, box_faces, photograph, speckle
-from jaxmodel.scan.virtual_scanner import look_at
-
-CAMERA = Camera(np.array([[465.0, 0, 242.0], [0, 463.0, 181.0], [0, 0, 1]]), np.array([-0.08, 0.02]), 480, 360)
-T_HAND_CAMERA = se3.compose(Rotation.from_rotvec([0.4, -1.2, 0.7]).as_matrix(), np.array([0.08, -0.05, 0.12]))
-
-
-def boxes(rng: np.random.Generator) -> list[Face]:
-    """Six boxes on a floor, metres, a picture on each face."""
-    floor = se3.compose(np.eye(3), np.array([-1.0, -1.0, 0.0]))
-    faces = [Face(floor, (2.0, 2.0), speckle(rng, (800, 800)))]
-    for k in range(6):
-        place = np.array([0.28 * np.cos(1.05 * k) - 0.08, 0.28 * np.sin(1.05 * k) - 0.08, 0.0])
-        turn = Rotation.from_euler("z", rng.uniform(0, 6)).as_matrix()
-        size = tuple(rng.uniform([0.1, 0.1, 0.06], [0.2, 0.2, 0.3]).tolist())
-        faces += box_faces(se3.compose(turn, place), size, [speckle(rng, (160, 160), (4, 8, 16, 32)) for _ in range(6)])
-    return faces
-
-
-def nine_views(rng: np.random.Generator, step_deg: float) -> np.ndarray:
-    """T_world_camera on a 3 x 3 grid of directions, ``step_deg`` apart, at unequal distances and rolls."""
-    poses = []
-    for i, j in np.ndindex(3, 3):
-        around, up = np.radians([40 + (j - 1) * step_deg, 50 + (i - 1) * step_deg])
-        direction = np.array([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)])
-        middle = np.array([0, 0, 0.08]) + 0.05 * rng.normal(size=3)
-        T = look_at(1.1 * direction + 0.05 * rng.normal(size=3), middle)
-        T[:3, :3] = T[:3, :3] @ Rotation.from_euler("z", np.radians(step_deg * rng.uniform(-1, 1))).as_matrix()
-        poses.append(T)
-    return np.stack(poses)
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("seed", "blur", "light"), [(0, 0.0, 0.0), (2, 2.0, 0.4)], ids=["sharp", "blur and light"])
 @pytest.mark.parametrize(("step_deg", "limit_deg", "limit"), [(20.0, 0.3, 0.03), (6.0, 1.0, 0.10)])
-def test_hand_eye_without_a_target(tmp_path, step_deg, limit_deg, limit):
+def test_hand_eye_without_a_target(tmp_path, step_deg, limit_deg, limit, seed, blur, light):
     """Nine views: 0.3 degrees and 3 % at 20 degrees between views, 1 degree and 10 % at 6 degrees."""
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(seed)
     faces, T_world_camera = boxes(rng), nine_views(rng, step_deg)
-    images = []
-    for k, T in enumerate(T_world_camera):
-        picture = photograph(faces, CAMERA, T, samples=2) + 2.0 * rng.normal(size=(360, 480))
-        images.append(tmp_path / f"scene_{k}.png")
-        cv2.imwrite(str(images[-1]), np.clip(np.round(picture), 0, 255).astype(np.uint8))
+    images = photographs(tmp_path, faces, T_world_camera, rng, blur, light)
     scene = scene_motions(images, CAMERA, features=1000)
     assert scene.registered.all() and scene.points > 300 and scene.reprojection_px < 1.0
     hand = T_world_camera @ se3.inverse(T_HAND_CAMERA)
