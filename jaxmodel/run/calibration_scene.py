@@ -38,6 +38,10 @@ def poses_of_scene(hand: PoseStream, images: Images) -> PairedPoses:
         f"the scene is rebuilt from {len(seen)} of {len(chosen)} pictures: {found.points} points, "
         f"{found.reprojection_px:.3g} px (mean)"
     )
+    notes.append(
+        "poses of one reconstruction share their errors, which the standard deviation takes for independent: count on "
+        "twice as much"
+    )
     inputs = (*hand.files, *chosen, Path(images.camera))
     names = tuple(file.name for file in chosen)
     whole = PairedPoses(hand.poses, found.T_scene_camera, names, inputs, hand.groups, None, tuple(notes))
