@@ -50,7 +50,7 @@ def scene_motions(images: Sequence[Path], camera: Camera, features: int = 2000) 
 
     The scene must be rigid, textured, and not be one plane seen by turning the camera about its centre: translations
     need parallax. About ``features`` points an image are used. Same images, same answer: seeds are fixed. Raises
-    :class:`InputError` for an unreadable image, one whose size is not the camera's, fewer than two images or absent
+    :class:`InputError` for an unreadable image, one whose size is not the camera's, fewer than three images or absent
     pycolmap; :class:`RunError` where no two images can be related.
     """
     pycolmap = _pycolmap()
@@ -93,7 +93,9 @@ def reconstruct(
     ``matches[i, j]`` pairs rows of ``pixels[i]`` and ``pixels[j]``, i < j.
     """
     if len(pixels) < 2:
-        raise InputError(f"{len(pixels)} image gives no motion; at least 2 are needed, 3 for a hand-eye calibration.")
+        raise InputError(f"{len(pixels)} image gives no motion; at least 3 are needed.")
+    if len(pixels) < 3:
+        raise InputError("2 images of an unknown scene are too few: a point counts once a third image agrees on it.")
     pycolmap = _pycolmap()
     with _quiet(pycolmap):
         models = _map(pycolmap, [_ideal(camera, one) for one in pixels], matches, camera)

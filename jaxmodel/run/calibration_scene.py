@@ -17,6 +17,10 @@ def poses_of_scene(hand: PoseStream, images: Images) -> PairedPoses:
     """Hand poses paired with the camera's own, in the scene's frame and unit; pictures that fit no other are named."""
     files = pictures(Path(images.folder))
     chosen = matched(hand, files, Path(images.folder))
+    if len(chosen) < FEWEST:
+        raise InputError(
+            f"{images.folder}: {len(chosen)} pictures of a scene are too few; at least {FEWEST} are needed"
+        )
     if images.camera is None:
         raise InputError(
             f"{images.folder}: pictures without a target do not tell the camera's intrinsics; give --camera"

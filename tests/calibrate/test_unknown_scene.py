@@ -166,6 +166,8 @@ def test_bad_input_is_named(tmp_path):
             scene_motions([image, path], CAMERA)
     with pytest.raises(InputError, match="1 image gives no motion"):
         scene_motions([image], CAMERA)
+    with pytest.raises(InputError, match="2 images of an unknown scene are too few"):
+        scene_motions([image] * 2, CAMERA)
     with pytest.raises(RunError, match="No two of the 3 images could be related"):
         scene_motions([image] * 3, CAMERA)
 
