@@ -94,9 +94,9 @@ def reconstruct(
     """
     if len(pixels) < 2:
         raise InputError(f"{len(pixels)} image gives no motion; at least 3 are needed.")
+    pycolmap = _pycolmap()
     if len(pixels) < 3:
         raise InputError("2 images of an unknown scene are too few: a point counts once a third image agrees on it.")
-    pycolmap = _pycolmap()
     with _quiet(pycolmap):
         models = _map(pycolmap, [_ideal(camera, one) for one in pixels], matches, camera)
     if not models:
