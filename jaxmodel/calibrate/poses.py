@@ -24,11 +24,12 @@ class HandEye:
 
     ``transforms``: ``T_hand_camera`` and ``T_base_target`` (camera on the hand), or ``T_base_camera`` and
     ``T_hand_target`` (camera fixed), with their inverses; metric, in the unit of the hand's poses. ``scale`` times the
-    camera's translations is metric. ``covariance`` of X (the first of them) is that of ``(rotation, translation)``
+    camera's translations is metric; ``scale_deviation`` is its standard deviation (``joint``, scale unknown).
+    ``covariance`` of X (the first of them) is that of ``(rotation, translation)``
     errors ``R <- exp(d) R`` (rad), ``t <- t + e``; only ``joint`` has one, with ``freedom`` degrees of freedom. One
     residual for each pose (``joint``) or each motion (the other methods): rad and unit of the hand. ``weights``: of
     each pose, those given times those of a robust loss. ``rotation_noise`` (rad), ``translation_noise`` and
-    ``depth_noise``: as ``JointSolution`` has them, metric; ``scale_deviation``: of an unknown scale's logarithm.
+    ``depth_noise``: as ``JointSolution`` has them, metric.
     """
 
     setup: Setup
@@ -217,7 +218,7 @@ def _joint(
         float(solution.rotation_noise[0]),
         metric * float(solution.translation_noise[0]),
         metric * float(solution.depth_noise[0]),
-        float(np.sqrt(solution.covariance[0, 12, 12])),
+        float(solution.scale[0] * np.sqrt(solution.covariance[0, 12, 12])) if unknown_scale else float("nan"),
     )
 
 

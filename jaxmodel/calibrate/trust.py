@@ -41,13 +41,14 @@ class Finding:
     """What one look shows beyond the noise: ``shift`` of X (rotation vector in rad, translation) and its ``size``.
 
     ``spread``: parts of the workspace disagree, ``size`` times what the noise explains (no single shift). ``scale``:
-    the camera's lengths would rather be ``size`` times as long. ``pairs``: all pairs of poses by the linear method are
+    the camera's lengths would rather be ``size`` times as long, with that ``deviation``. ``pairs``: all pairs of poses by the linear method are
     ``shift`` away, ``size`` standard deviations of what the noise explains.
     """
 
     cause: Cause
     size: float
     shift: Float[np.ndarray, "6"]
+    deviation: float = float("nan")
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,7 @@ def trust(
     covariance, excess = _widened(model, spread, len(without))
     findings = [Finding("spread", excess, np.zeros(6))] if excess > 0 else []
     if not unknown_scale:
-        findings += _free_scale(hand, camera, weights if loss == "none" else None, found, noise, loss)
+        findings += other_scale(hand, camera, found, noise, weights if loss == "none" else None, loss)
     used = weights > LEAST_WEIGHT * weights.max()
     both = Chain(np.append(simulated.H, poses.H[None], 0)[:, used], np.append(simulated.C, poses.C[None], 0)[:, used])
     findings += _pairs(_linear(both), X[:DRAWS], found.X)
@@ -167,17 +168,24 @@ def _widened(model: np.ndarray, spread: np.ndarray, blocks: int) -> tuple[Float[
     return wide * np.maximum(values, 1.0) @ wide.T, float(np.sqrt(mean))
 
 
-def _free_scale(
-    hand: np.ndarray, camera: np.ndarray, weights: np.ndarray | None, found: HandEye, noise: Noise, loss: Loss
+def other_scale(
+    hand: Float[np.ndarray, "n 4 4"],
+    camera: Float[np.ndarray, "n 4 4"],
+    found: HandEye,
+    noise: Noise = "camera",
+    weights: Float[np.ndarray, " n"] | None = None,
+    loss: Loss = "none",
 ) -> list[Finding]:
+    """Whether the poses that ``found`` was made from would rather have the camera's lengths of another scale."""
     free = calibrate_poses(
         hand, camera, found.setup, "joint", unknown_scale=True, noise=noise, weights=weights, loss=loss
     )
     if not free.outcome.usable or not free.scale_deviation > 0:
         return []
-    if abs(np.log(free.scale)) < student.isf(SURE / 2, free.freedom) * free.scale_deviation:
+    deviation = free.scale_deviation / free.scale
+    if abs(np.log(free.scale)) < student.isf(SURE / 2, free.freedom) * deviation:
         return []
-    return [Finding("scale", free.scale, differences(free.X[None], found.X)[0])]
+    return [Finding("scale", free.scale, differences(free.X[None], found.X)[0], free.scale_deviation)]
 
 
 def _linear(poses: Chain) -> Float[np.ndarray, "b 4 4"]:

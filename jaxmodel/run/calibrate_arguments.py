@@ -69,7 +69,8 @@ class Calibrate:
     most_poses: int = 60
     """Of a longer recording, so many evenly spread poses are used."""
     images: Path | None = None
-    """Folder of pictures of a target, one for each pose of the hand, in place of the camera's poses."""
+    """Folder of pictures of a target, one for each pose of the hand, in place of the camera's poses. With
+    --unknown-scale --setup moving-frames and without --target: of any textured scene."""
     camera: Path | None = None
     """With --images: the camera's intrinsics (OpenCV, ROS, ViSP or JSON). Without, they are estimated."""
     target: str | None = None

@@ -16,7 +16,7 @@ from jaxmodel.calibrate.poses import HandEye, calibrate_poses
 from jaxmodel.calibrate.resampling import bootstrap, leave_one_out
 from jaxmodel.calibrate.self_calibration import Scales, SelfCalibration, self_calibrate
 from jaxmodel.calibrate.solve import KNOWN_SCALE_ONLY, METHODS
-from jaxmodel.calibrate.trust import FEWEST, Trust, trust
+from jaxmodel.calibrate.trust import FEWEST, Finding, Trust, other_scale, trust
 from jaxmodel.geometry import se3
 from jaxmodel.run.calibration_config import Config
 from jaxmodel.run.calibration_reason import reason_for
@@ -61,7 +61,8 @@ class Answers:
     ``kept`` are the poses that were used, ``outlier`` those that contradict the others, ``score`` their normalised
     squared residuals (NaN where not looked for);
     ``left_out`` the change of X (rotation vector, translation) when a pose of ``kept`` is left out, NaN elsewhere.
-    ``trust`` widens the covariance of ``joint`` by what the data show beyond its ``noise``.
+    ``trust`` widens the covariance of ``joint`` by what the data show beyond its ``noise``; ``findings`` are its own or,
+    with too few poses for it, another scale of the camera's lengths.
     """
 
     setup: Setup
@@ -75,6 +76,7 @@ class Answers:
     left_out: Float[np.ndarray, "n 6"]
     bootstrap: Float[np.ndarray, "6 6"] | None
     trust: Trust | None = None
+    findings: tuple[Finding, ...] = ()
     noise: Noise = "camera"
 
     @property
@@ -123,7 +125,7 @@ def find_answers(config: Config, poses: PairedPoses, done: Callable[[str], None]
         answers.append(_self_answer("self_calibration", found, setup, motions))
         done("self_calibration")
     chosen = answers[0]
-    left_out, spread, looked = np.full((n, 6), np.nan), None, None
+    left_out, spread, looked, findings = np.full((n, 6), np.nan), None, None, ()
     rows = np.flatnonzero(kept)
     if chosen.outcome.usable and len(rows) >= 5:
         import jax
@@ -138,8 +140,13 @@ def find_answers(config: Config, poses: PairedPoses, done: Callable[[str], None]
             done("bootstrap")
         if chosen.covariance is not None and len(rows) >= FEWEST:
             looked = trust(hand, camera, solved[0], key, noise, unknown, config.loss)
+            findings = looked.findings
             done("trust")
-    found = Answers(setup, motions, answers, chosen, "", kept, outlier, score, left_out, spread, looked, noise)
+        elif chosen.covariance is not None and not unknown:
+            findings = tuple(other_scale(hand, camera, solved[0], noise, loss=config.loss))
+    found = Answers(
+        setup, motions, answers, chosen, "", kept, outlier, score, left_out, spread, looked, findings, noise
+    )
     return replace(found, reason=reason_for(found, config))
 
 
@@ -178,7 +185,7 @@ def _answer(name: str, found: HandEye, poses: PairedPoses, motions: MotionPairs,
         found.outcome,
         found.observability,
         np.array([found.scale]),
-        np.array([np.nan]),
+        np.array([found.scale_deviation]),
         *motion_residuals(motions, found.X, scale),
         *pose_residuals(poses.hand, poses.camera, found.setup, found.X, found.Z, scale),
         found.covariance,

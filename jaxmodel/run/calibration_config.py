@@ -17,15 +17,16 @@ MethodName = Literal[
 
 @dataclass(frozen=True)
 class Images:
-    """Pictures of a target instead of the camera's poses.
+    """Pictures of a target, or without ``target`` of any scene, instead of the camera's poses.
 
     ``target``: ``chessboard:9x6:0.025`` (inner corners, square in metres), ``charuco:5x7:0.04:0.03:DICT_4X4_50``
     (squares, square, marker, dictionary) or ``apriltag:6x6:0.114:0.088:APRILTAG_36H11`` (tags, from one to the next,
-    side of a tag, dictionary). ``camera``: a file of intrinsics; without one they are estimated from the pictures.
+    side of a tag, dictionary). ``camera``: a file of intrinsics; without one they are estimated from the pictures of a
+    target.
     """
 
     folder: str
-    target: str
+    target: str | None = None
     camera: str | None = None
 
 

@@ -46,8 +46,9 @@ def finding_sentence(finding: Finding) -> str:
     away = f"{1e3 * shift:.1f} mm and {np.degrees(turn):.2f} degrees"
     if finding.cause == "scale":
         return (
-            f"the poses fit better with the camera's lengths {finding.size:.4f} times as long, and the answer then "
-            f"moves by {away}: is the target of the size that was said, and is the focal length right?"
+            f"the camera's lengths would fit the hand's better times {finding.size:.4g} (standard deviation "
+            f"{finding.deviation:.2g}), which moves the answer by {away}: check the size of the target's squares, the "
+            "units of both streams and the camera's focal length, or let the hand say it with --unknown-scale"
         )
     if finding.cause == "pairs":
         return (

@@ -26,6 +26,4 @@ def remarks(found: Answers) -> list[str]:
             )
     if found.outlier.any() and found.kept.all():
         notes.append(f"{int(found.outlier.sum())} of {len(found.kept)} poses contradict the others, but all are used")
-    if found.trust is not None:
-        notes += [finding_sentence(finding) for finding in found.trust.findings]
-    return notes
+    return notes + [finding_sentence(finding) for finding in found.findings]

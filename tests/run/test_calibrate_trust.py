@@ -38,7 +38,7 @@ def test_a_target_of_the_wrong_size_is_asked_about_and_widens_the_deviation(tmp_
     camera[:, :3, 3] *= 0.95
     found = calibrated(tmp_path, files.write(tmp_path / "poses.csv", hand=hand, camera=camera), "--method", "joint")
     chosen = found["recommended"]
-    assert any("is the target of the size that was said, and is the focal length right?" in n for n in found["notes"])
+    assert any("check the size of the target's squares" in n for n in found["notes"])
     assert "scale" in chosen["covariance"]["widened_by"] and "so the deviation stated is" in chosen["reason"]
     e = differences(np.array([chosen["T_hand_camera"]]), files.X)[0]
     assert e @ np.linalg.solve(np.array(chosen["covariance"]["matrix"]), e) < chi2.ppf(0.999, 6)
