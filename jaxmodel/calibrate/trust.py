@@ -41,8 +41,8 @@ class Finding:
     """What one look shows beyond the noise: ``shift`` of X (rotation vector in rad, translation) and its ``size``.
 
     ``spread``: parts of the workspace disagree, ``size`` times what the noise explains (no single shift). ``scale``:
-    the camera's lengths would rather be ``size`` times as long, with that ``deviation``. ``pairs``: all pairs of poses by the linear method are
-    ``shift`` away, ``size`` standard deviations of what the noise explains.
+    the camera's lengths would rather be ``size`` times as long, with that ``deviation``. ``pairs``: all pairs of poses
+    by the linear method are ``shift`` away, ``size`` standard deviations of what the noise explains.
     """
 
     cause: Cause

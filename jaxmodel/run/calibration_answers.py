@@ -61,8 +61,8 @@ class Answers:
     ``kept`` are the poses that were used, ``outlier`` those that contradict the others, ``score`` their normalised
     squared residuals (NaN where not looked for);
     ``left_out`` the change of X (rotation vector, translation) when a pose of ``kept`` is left out, NaN elsewhere.
-    ``trust`` widens the covariance of ``joint`` by what the data show beyond its ``noise``; ``findings`` are its own or,
-    with too few poses for it, another scale of the camera's lengths.
+    ``trust`` widens the covariance of ``joint`` by what the data show beyond its ``noise``; ``findings`` are its own,
+    or, with too few poses for it, another scale of the camera's lengths.
     """
 
     setup: Setup
