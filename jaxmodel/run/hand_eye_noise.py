@@ -166,8 +166,9 @@ def charts(summary: Mapping[str, Any], rows: polars.DataFrame) -> list[Chart]:
     for motions in ("large", "small"):
         of = [one for one in summary["times"] if one["motions"] == motions and one["seconds"]]
         series = [Series(m, [one["noise"] for one in of], [1e6 * one["seconds"][m] for one in of]) for m in METHODS]
-        panels.append(Panel(f"Fig. 3.3, two {motions} motions", NOISE, TIME, series, log_y=True))
-    return [*drawn, Chart("figure-3.3-times", "Fig. 3.3: time", panels)]
+        if of:  # a resumed run has the times of its own part alone
+            panels.append(Panel(f"Fig. 3.3, two {motions} motions", NOISE, TIME, series, log_y=True))
+    return [*drawn, *([Chart("figure-3.3-times", "Fig. 3.3: time", panels)] if panels else [])]
 
 
 def draw(folder: RunDir, summary: Mapping[str, Any]) -> list[str]:
