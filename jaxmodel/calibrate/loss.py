@@ -8,16 +8,27 @@ from typing import Literal
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Bool, Float
 
+from jaxmodel.errors import InputError
 from jaxmodel.geometry.masked import median
 
 Loss = Literal["none", "huber", "tukey"]
-LOSSES = ("none", "huber", "tukey")
+LOSSES: tuple[Loss, ...] = ("none", "huber", "tukey")
 MEDIAN_LENGTH = {1: 0.67449, 2: 1.17741, 3: 1.53817}
 """Median length of a normal error of so many dimensions, in standard deviations of one component."""
 HUBER = 0.7  # sizes beyond it pull as if they had it: nearly a spatial median, for three wrong samples in ten
 TUKEY = 2.6  # sizes beyond it pull nothing
+WRONG = 1.93  # sizes beyond it are one in a thousand of right samples (chi-squared, six degrees of freedom)
+
+
+def checked_loss(name: str) -> Loss:
+    """``name`` as a loss; raises :class:`InputError` for another word."""
+    for loss in LOSSES:
+        if name == loss:
+            return loss
+    raise InputError(f"loss must be one of {', '.join(LOSSES)}, not {name!r}.")
 
 
 def robust_variance(
@@ -34,6 +45,12 @@ def loss_weights(size: Float[jax.Array, " n"], loss: Loss) -> Float[jax.Array, "
     if loss == "tukey":
         return jnp.where(size < TUKEY, (1 - (size / TUKEY) ** 2) ** 2, 0.0)
     return jnp.ones_like(size)
+
+
+def contradicts(weight: Float[np.ndarray, " *n"], loss: Loss) -> Bool[np.ndarray, " *n"]:
+    """Which samples a loss weighs so low that they are hardly right ones: beyond ``WRONG``."""
+    least = {"none": 0.0, "huber": HUBER / WRONG, "tukey": (1 - (WRONG / TUKEY) ** 2) ** 2}
+    return weight < least[loss]
 
 
 def loss_slopes(size: Float[jax.Array, " n"], loss: Loss) -> Float[jax.Array, " n"]:

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jaxmodel.calibrate.joint import JointSolution, Noise, Pose, Poses, kernel, target_from
-from jaxmodel.calibrate.loss import LOSSES, Loss
+from jaxmodel.calibrate.loss import Loss, checked_loss
 from jaxmodel.calibrate.motions import Chain, PairChoice, Setup, chain, motion_pairs
 from jaxmodel.calibrate.observability import Observability
 from jaxmodel.calibrate.outcome import Outcome
@@ -70,7 +70,7 @@ def calibrate_poses(
     unknown_scale: bool = False,
     noise: Noise = "camera",
     weights: Float[np.ndarray, " k"] | None = None,
-    loss: Loss = "none",
+    loss: str = "none",
 ) -> HandEye:
     """Calibrate from paired absolute poses: ``hand`` T_base_hand, ``camera`` as ``setup`` says; at least two.
 
@@ -89,8 +89,7 @@ def calibrate_poses(
     weights = np.ones(len(hand)) if weights is None else np.asarray(weights, np.float64)
     if weights.shape != (len(hand),) or not np.isfinite(weights).all() or (weights < 0).any():
         raise InputError(f"weights must be {len(hand)} finite numbers >= 0, one for each pose.")
-    if loss not in LOSSES:
-        raise InputError(f"loss must be one of {', '.join(LOSSES)}, not {loss!r}.")
+    kind = checked_loss(loss)
     motions = motion_pairs(poses, pairs)
 
     def on_pairs(method: str, weights: np.ndarray) -> Calibration:
@@ -99,7 +98,7 @@ def calibrate_poses(
 
     first = on_pairs("linear" if method == "joint" else method, weights)
     if (method == "joint" or loss != "none") and first.outcome in (Outcome.SOLVED, Outcome.SEVERAL_ANSWERS):
-        joint = _joint(poses, weights, setup, first, noise, unknown_scale, loss)
+        joint = _joint(poses, weights, setup, first, noise, unknown_scale, kind)
         if method == "joint":
             return joint
         assert joint.weights is not None
@@ -130,7 +129,7 @@ def joint_many(
     noise: Noise = "camera",
     unknown_scale: bool = False,
     start: Float[np.ndarray, "b 4 4"] | None = None,
-    loss: Loss = "none",
+    loss: str = "none",
 ) -> JointSolution:
     """``joint`` for a batch of problems, as NumPy arrays with a leading batch axis; no verdict is made.
 
@@ -148,7 +147,7 @@ def joint_many(
         start, scale = se3.inverse(found.X), found.scale
     else:
         scale = np.ones(b)
-    return _run(poses, mask.astype(np.float64), start, scale, noise, unknown_scale, loss)
+    return _run(poses, mask.astype(np.float64), start, scale, noise, unknown_scale, checked_loss(loss))
 
 
 def joint_weighted(

@@ -14,7 +14,7 @@ from jaxmodel.calibrate.conclude import Solved, conclude, pair_residuals
 from jaxmodel.calibrate.dual_quaternion import solve_dual_quaternion
 from jaxmodel.calibrate.estimate import Estimate
 from jaxmodel.calibrate.linear import solve_linear, solve_one_step
-from jaxmodel.calibrate.loss import LOSSES, Loss
+from jaxmodel.calibrate.loss import Loss, checked_loss
 from jaxmodel.calibrate.nonlinear import QuaternionWeights, solve_nonlinear, solve_quaternion_penalty
 from jaxmodel.calibrate.observability import Observability
 from jaxmodel.calibrate.outcome import Outcome
@@ -89,7 +89,7 @@ def solve(
     method: str = "linear",
     unknown_scale: bool = False,
     weights: Float[np.ndarray, " k"] | None = None,
-    loss: Loss = "none",
+    loss: str = "none",
 ) -> Calibration:
     """X of ``A_i X = X B_i`` from motions A, B ``(n, 4, 4)``, float64; each is a motion in its own moving frame.
 
@@ -108,10 +108,11 @@ def solve(
     weights = np.ones(len(A)) if weights is None else np.asarray(weights, np.float64)
     if weights.shape != (len(A),) or not np.isfinite(weights).all() or (weights < 0).any() or not weights.any():
         raise InputError(f"weights must be {len(A)} finite numbers >= 0, not all of them 0.")
-    _check_method(method, unknown_scale, loss)
+    _check_method(method, unknown_scale)
+    kind = checked_loss(loss)
     length = size_class(len(A), smallest=16)
     solved = _run(pad_rows(A, length)[None], pad_rows(B, length)[None], pad_rows(weights, length)[None], method,
-                  unknown_scale, loss)  # fmt: skip
+                  unknown_scale, kind)  # fmt: skip
     weights = np.asarray(solved.weight[0, : len(A)])
     used = weights > 0
     row = _row(solved, 0, np.flatnonzero(used))
@@ -131,7 +132,7 @@ def solve_many(
     unknown_scale: bool = False,
     weights: Float[np.ndarray, "b n"] | None = None,
     verdict: bool = True,
-    loss: Loss = "none",
+    loss: str = "none",
 ) -> Calibrations:
     """``solve`` for a batch of problems ``(batch, n, 4, 4)``; ``mask`` says which motions of each are there.
 
@@ -142,7 +143,8 @@ def solve_many(
     if A.ndim != 4 or A.shape[2:] != (4, 4) or A.shape != B.shape:
         raise InputError(f"A and B must both be (batch, n, 4, 4), not {A.shape} and {B.shape}.")
     batch, n = A.shape[:2]
-    _check_method(method, unknown_scale, loss)
+    _check_method(method, unknown_scale)
+    kind = checked_loss(loss)
     weights = np.ones((batch, n)) if weights is None else np.asarray(weights, np.float64)
     mask = np.ones((batch, n), bool) if mask is None else np.asarray(mask, bool)
     if mask.shape != (batch, n) or weights.shape != (batch, n):
@@ -152,7 +154,7 @@ def solve_many(
         empty = np.full((batch, n), np.nan)
         X, none = np.full((batch, 4, 4), np.nan), np.full(batch, int(Outcome.NO_MOTION))
         return Calibrations(X, np.full(batch, np.nan), none, method, np.zeros(batch, int), empty, empty, weights)
-    solved = _run(A, B, weights, method, unknown_scale, loss)
+    solved = _run(A, B, weights, method, unknown_scale, kind)
     weights = np.asarray(solved.weight)
     estimate = solved.estimate
     X = se3.compose(estimate.R, estimate.t)
@@ -212,9 +214,7 @@ def _row(solved: Any, index: int, rows: np.ndarray) -> Any:
     return eqx.tree_at(lambda s: (s.angle, s.distance), row, (row.angle[rows], row.distance[rows]))
 
 
-def _check_method(method: str, unknown_scale: bool, loss: Loss) -> None:
-    if loss not in LOSSES:
-        raise InputError(f"loss must be one of {', '.join(LOSSES)}, not {loss!r}.")
+def _check_method(method: str, unknown_scale: bool) -> None:
     if method not in METHODS:
         raise InputError(f"method must be one of {', '.join(METHODS)}, not {method!r}.")
     if unknown_scale and method in KNOWN_SCALE_ONLY:

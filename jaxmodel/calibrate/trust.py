@@ -19,10 +19,10 @@ from scipy.stats import t as student
 
 from jaxmodel.calibrate.joint import Noise
 from jaxmodel.calibrate.loss import Loss
+from jaxmodel.calibrate.many_poses import solve_many_poses
 from jaxmodel.calibrate.motions import Chain, chain, order_by_content
 from jaxmodel.calibrate.poses import HandEye, calibrate_poses, joint_many
 from jaxmodel.calibrate.resampling import differences
-from jaxmodel.calibrate.solve import solve_many
 from jaxmodel.errors import InputError
 from jaxmodel.geometry import se3
 from jaxmodel.geometry.masked import size_class
@@ -96,9 +96,12 @@ def trust(
         findings += other_scale(hand, camera, found, noise, weights if loss == "none" else None, loss)
     used = weights > LEAST_WEIGHT * weights.max()
     both = Chain(np.append(simulated.H, poses.H[None], 0)[:, used], np.append(simulated.C, poses.C[None], 0)[:, used])
-    findings += _pairs(_linear(both), X[:DRAWS], found.X)
-    shifts = [np.outer(one.shift, one.shift) for one in findings]
-    return Trust(covariance + sum(shifts, np.zeros((6, 6))), model, spread, tuple(findings))
+    mask = np.ones(both.H.shape[:2], bool)
+    findings += _pairs(solve_many_poses(*_padded(both, mask)), X[:DRAWS], found.X)
+    stated = covariance
+    for one in findings:
+        stated = _larger(stated, covariance + np.outer(one.shift, one.shift))
+    return Trust(stated, model, spread, tuple(findings))
 
 
 def _without_blocks(poses: Chain) -> Bool[np.ndarray, "b n"]:
@@ -156,16 +159,20 @@ def _jackknife(d: Float[np.ndarray, "b 6"]) -> Float[np.ndarray, "6 6"]:
 
 def _widened(model: np.ndarray, spread: np.ndarray, blocks: int) -> tuple[Float[np.ndarray, "6 6"], float]:
     """The larger of both covariances in every direction where the spread stands out of the model's, and by how much."""
-    root = np.linalg.cholesky(model)
-    inverse = np.linalg.inv(root)
-    ratio = inverse @ spread @ inverse.T
     freedom = 6 * (blocks - 1)
-    mean = float(np.trace(ratio)) / 6
+    mean = float(np.trace(np.linalg.solve(model, spread))) / 6
     if mean * freedom < chi2.isf(SURE, freedom):
         return model, 0.0
-    values, vectors = np.linalg.eigh(ratio)
+    return _larger(model, spread), float(np.sqrt(mean))
+
+
+def _larger(one: np.ndarray, other: np.ndarray) -> Float[np.ndarray, "6 6"]:
+    """A covariance that is the larger of both in every direction."""
+    root = np.linalg.cholesky(one)
+    inverse = np.linalg.inv(root)
+    values, vectors = np.linalg.eigh(inverse @ other @ inverse.T)
     wide = root @ vectors
-    return wide * np.maximum(values, 1.0) @ wide.T, float(np.sqrt(mean))
+    return wide * np.maximum(values, 1.0) @ wide.T
 
 
 def other_scale(
@@ -188,18 +195,10 @@ def other_scale(
     return [Finding("scale", free.scale, differences(free.X[None], found.X)[0], free.scale_deviation)]
 
 
-def _linear(poses: Chain) -> Float[np.ndarray, "b 4 4"]:
-    """X of each set from all its pairs."""
-    i, j = np.triu_indices(poses.H.shape[1], 1)
-    A = poses.C[:, j] @ se3.inverse(poses.C[:, i])
-    B = se3.inverse(poses.H[:, j]) @ poses.H[:, i]
-    return se3.inverse(solve_many(A, B, verdict=False).X)
-
-
-def _pairs(linear: np.ndarray, joint: np.ndarray, X: np.ndarray) -> list[Finding]:
+def _pairs(paired: np.ndarray, joint: np.ndarray, X: np.ndarray) -> list[Finding]:
     """The linear method on all pairs against ``joint``, beside what simulated poses of the same noise show."""
-    seen = differences(linear[-1:], X)[0]
-    expected = np.stack([differences(one[None], other)[0] for one, other in zip(linear[:-1], joint, strict=True)])
+    seen = differences(paired[-1:], X)[0]
+    expected = np.stack([differences(one[None], other)[0] for one, other in zip(paired[:-1], joint, strict=True)])
     shift = seen - expected.mean(axis=0)
     squared = float(shift @ np.linalg.solve(np.cov(expected.T), shift)) / (1 + 1 / DRAWS)
     if squared * (DRAWS - 6) / (6 * (DRAWS - 1)) < f.isf(SURE, 6, DRAWS - 6):

@@ -96,12 +96,12 @@ def find_answers(config: Config, poses: PairedPoses, done: Callable[[str], None]
     kept, outlier, score = np.ones(n, bool), np.zeros(n, bool), np.full(n, np.nan)
     names = ["joint", *METHODS] if config.method == "all" else [config.method]
     noise: Noise = "camera" if config.noise == "auto" else config.noise
-    answers, whole = [], None
+    every, answers = np.ones(n, bool), []
     if "joint" in names:
-        whole = _answer("joint", _calibrate("joint", config, poses, setup, kept, noise), poses, motions, kept)
+        first = _calibrate("joint", config, poses, setup, every, noise)
         done("joint")
-        if whole.outcome.usable and n >= FEWEST_TO_NAME:
-            metric = _metric(poses.camera, float(whole.scale[0]))
+        if first.outcome.usable and n >= FEWEST_TO_NAME:
+            metric = _metric(poses.camera, first.scale)
             agreed = _agreement(config, poses.hand, metric, setup, noise)
             if agreed is not None:
                 outlier, score = ~agreed.inlier, agreed.score
@@ -117,8 +117,10 @@ def find_answers(config: Config, poses: PairedPoses, done: Callable[[str], None]
         solved.append(_calibrate(name, config, poses, setup, kept, noise))
         answers.append(_answer(name, solved[-1], poses, motions, kept))
         done(name)
-    if whole is not None and not kept.all():
-        answers.insert(1, replace(whole, method=ALL_POSES))
+    if not kept.all():
+        answers.insert(
+            1, _answer(ALL_POSES, _calibrate("joint", config, poses, setup, every, noise), poses, motions, every)
+        )
     if unknown and config.method == "all":
         between = kept[motions.index].all(axis=1)
         found = self_calibrate(motions.A[between], motions.B[between])

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.stats import t as student
 
+from jaxmodel.calibrate.loss import contradicts
 from jaxmodel.calibrate.resampling import differences
 from jaxmodel.calibrate.trust import Finding
 from jaxmodel.run.calibration_config import Config
@@ -26,7 +27,8 @@ def reason_for(found: "Answers", config: Config) -> str:
         words += f"; {wrong} of {len(found.kept)} poses contradict the others and are left out"
     elif config.loss != "none":
         words += (
-            f"; the loss {config.loss} weighs down {int(np.sum(weights_of(found) < 0.5))} of {len(found.kept)} poses"
+            f"; the loss {config.loss} weighs down {int(np.sum(contradicts(weights_of(found), config.loss)))} of "
+            f"{len(found.kept)} poses"
         )
     if found.noise == "depth":
         words += "; the camera's error along the line of sight differs from that across it and is weighed apart"

@@ -95,7 +95,7 @@ def calibration(config: Config, poses: PairedPoses, found: Answers) -> dict[str,
             "matrix": covariance,
             "of_the_noise_alone": answer.covariance,
             "jackknife": None if looked is None else looked.spread,
-            "widened_by": [] if looked is None else [one.cause for one in looked.findings],
+            "widened_by": [] if looked is None else list(dict.fromkeys(one.cause for one in looked.findings)),
             "freedom": answer.freedom,
         }
         tree["deviation"] = {

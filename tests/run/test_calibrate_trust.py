@@ -71,12 +71,15 @@ def test_a_robust_loss_is_a_word_of_the_command(tmp_path):
     ids=["lixiny", "aubo"],
 )  # fmt: skip
 def test_real_sets_state_a_deviation_that_holds_what_their_methods_differ_by(tmp_path, data_dir, words):
-    """No truth is known; the answers of joint and of all pairs must not contradict each other within what is stated."""
+    """No truth is known; in no component do the methods on pairs differ from joint by three stated deviations."""
     found = calibrated(tmp_path, data_dir / "handeye" / words[0], *words[1:], "--method", "all")
     chosen = found["recommended"]
     methods = {one["method"]: np.array(one["T_hand_camera"]) for one in found["methods"]}
-    assert found["noise"] == "depth" and chosen["covariance"]["widened_by"]
+    assert chosen["covariance"]["widened_by"]
     assert "so the deviation stated is" in chosen["reason"]
-    for method in ("linear", "park", "nonlinear", "nonlinear_b"):
-        d = differences(methods[method][None], np.array(chosen["T_hand_camera"]))[0]
-        assert d @ np.linalg.solve(np.array(chosen["covariance"]["matrix"]), d) < chi2.ppf(0.999, 6), method
+    deviation = np.sqrt(np.diag(np.array(chosen["covariance"]["matrix"])))
+    noise_alone = np.sqrt(np.diag(np.array(chosen["covariance"]["of_the_noise_alone"])))
+    d = {m: np.abs(differences(T[None], np.array(chosen["T_hand_camera"]))[0]) for m, T in methods.items()}
+    for method in ("linear", "linear_one_step", "tsai_lenz", "park", "nonlinear", "nonlinear_b"):
+        assert (d[method] < 3 * deviation).all(), method
+    assert (d["linear"] > 3 * noise_alone).any()

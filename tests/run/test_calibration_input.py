@@ -1,5 +1,6 @@
 """From the words of a calibration to paired poses: streams, clocks, names, pictures."""
 
+import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
@@ -203,8 +204,8 @@ def pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     detector, reader = ModuleType("jaxmodel.calibrate.images"), ModuleType("jaxmodel.io.camera")
     detector.__dict__.update(Target=Target, target_poses=target_poses)
     reader.__dict__.update(load_camera=lambda path: ("camera of", path))
-    monkeypatch.setitem(__import__("sys").modules, "jaxmodel.calibrate.images", detector)
-    monkeypatch.setitem(__import__("sys").modules, "jaxmodel.io.camera", reader)
+    monkeypatch.setitem(sys.modules, "jaxmodel.calibrate.images", detector)
+    monkeypatch.setitem(sys.modules, "jaxmodel.io.camera", reader)
     return calls
 
 
@@ -261,7 +262,7 @@ def test_pictures_that_do_not_fit_the_poses(tmp_path, pictures):
 
 
 def test_stray_corners_and_misread_pictures_are_counted_and_named(tmp_path, pictures):
-    import jaxmodel.calibrate.images as detector
+    detector: Any = sys.modules["jaxmodel.calibrate.images"]  # the one that stands in, not the package's attribute
 
     def spoiled(*given: Any, of: Any = detector.target_poses) -> TargetPoses:
         whole, number = of(*given), np.arange(12)
