@@ -27,7 +27,8 @@ THEIRS = {
 def noisy_poses(seed: int, noise: float, angle_of_X: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Six poses whose fifteen motions turn by 20 to 110 degrees: what OpenCV's TSAI keeps.
 
-    Lengths are in units of the motions' root mean square: ours takes it for dual quaternions, OpenCV the data's unit.
+    Lengths are in units of the linear solution's translation residual over its rotation residual: ours takes that for
+    dual quaternions, OpenCV the data's unit.
     """
     s = Simulation(seed)
     X, Z = s.X(angle_of_X), s.X()
@@ -36,9 +37,11 @@ def noisy_poses(seed: int, noise: float, angle_of_X: float = 1.0) -> tuple[np.nd
         angles = se3.rotation_angle_deg(motions_of(hand, hand)[0][:, :3, :3])
         if angles.min() > 20 and angles.max() < 110:
             camera = s.noisy(np.linalg.inv(hand @ X) @ Z, noise, noise)
-            moved = np.concatenate(motions_of(hand, camera))[:, :3, 3]
+            A, B = motions_of(hand, camera)
+            left = A @ (found := solve(A, B, "linear").X) - found @ B
+            turn, shift = np.mean(left[:, :3, :3] ** 2) * 9 / 2, np.mean(left[:, :3, 3] ** 2) * 3
             for T in (hand, camera, X):
-                T[..., :3, 3] /= np.sqrt(np.mean(np.sum(moved**2, axis=1)))
+                T[..., :3, 3] /= np.sqrt(shift / turn)
             return hand, camera, X
 
 
