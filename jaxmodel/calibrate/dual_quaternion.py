@@ -1,8 +1,9 @@
 """Daniilidis's unit dual quaternions (RR-3507 §2.2.2): rotation and translation at once, from the screws' axes.
 
-It weighs rotation and translation by the unit of length, and at small rotations that costs digits: two exact motions
-of 1e-4 rad and unit length are its limit. Signs are those of the linear solution: equal scalar parts are not enough
-near pi (ERRATA).
+Its equations weigh rotation and translation by the unit of length. The report leaves it to the data; here it is the
+length that makes both residuals of the linear solution alike, so that metres and millimetres give one answer and
+neither kind of noise drowns the other. At small rotations it loses digits: two exact motions of 1e-4 rad are its limit.
+Signs are those of the linear solution: equal scalar parts are not enough near pi (ERRATA).
 """
 
 import jax
@@ -25,17 +26,34 @@ def solve_dual_quaternion(pairs: Pairs, unknown_scale: bool = False) -> Estimate
     """
     sums = pair_sums(pairs)
     R_linear = linear_rotation(sums)
-    scale = linear_translation(sums, R_linear, unknown_scale).scale
+    linear = linear_translation(sums, R_linear, unknown_scale)
+    scale = linear.scale
+    t_A, t_B = scale * pairs.t_A, pairs.t_B
+    length = _unit_of_length(pairs, t_A, R_linear, linear.t)
     q_A = quaternions(pairs.R_A)
     q_B = align_signs(q_A, quaternions(pairs.R_B), R_linear)
     top = _rows(q_A, q_B)
-    bottom = _rows(_dual_part(q_A, scale * pairs.t_A), _dual_part(q_B, pairs.t_B))
+    bottom = _rows(_dual_part(q_A, t_A / length), _dual_part(q_B, t_B / length))
     T = jnp.concatenate([jnp.concatenate([top, jnp.zeros_like(top)], 2), jnp.concatenate([bottom, top], 2)], 1)
     T = (T * jnp.sqrt(pairs.weight)[:, None, None]).reshape(-1, 8)
     v_7, v_8 = _null_plane(T)
     q, dual = _unit_dual_quaternion(v_7, v_8)
     t = 2 * (q[0] * dual[1:] - dual[0] * q[1:] + jnp.cross(q[1:], dual[1:]))  # vector part of 2 q' q*
-    return Estimate(rotation_from_quaternion(q), t, scale)
+    return Estimate(rotation_from_quaternion(q), length * t, scale)
+
+
+def _unit_of_length(
+    pairs: Pairs, t_A: Float[jax.Array, "n 3"], R: Float[jax.Array, "3 3"], t: Float[jax.Array, "3"]
+) -> Float[jax.Array, ""]:
+    """Translation residual over rotation residual (rad) of (R, t); the motions' own length where they are exact."""
+    turn = jnp.sum((pairs.R_A @ R - R @ pairs.R_B) ** 2, axis=(1, 2)) / 2
+    shift = jnp.sum((pairs.R_A @ t + t_A - pairs.t_B @ R.T - t) ** 2, axis=1)
+    size = jnp.sum(t_A**2 + pairs.t_B**2, axis=1) / 2
+    turn, shift, size = (jnp.sum(pairs.weight * square) for square in (turn, shift, size))
+    total = jnp.sum(pairs.weight)
+    seen = (turn > 1e-20 * total) & (shift > 1e-20 * size)
+    square = jnp.where(seen, shift / jnp.where(seen, turn, 1.0), size / jnp.where(total > 0, total, 1.0))
+    return jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), 1.0)
 
 
 def _rows(a: Float[jax.Array, "n 4"], b: Float[jax.Array, "n 4"]) -> Float[jax.Array, "n 3 4"]:
