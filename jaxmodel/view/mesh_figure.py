@@ -60,7 +60,7 @@ def _draw(axes: Any, panel: MeshPanel) -> None:
     side = np.maximum(high - low, 1e-3 * (high - low).max())
     middle = (low + high) / 2
     axes.set(**{f"{axis}lim": (middle[k] - side[k] / 2, middle[k] + side[k] / 2) for k, axis in enumerate("xyz")})
-    axes.set_box_aspect(side / side.max(), zoom=1.25)
+    axes.set_box_aspect(side / side.max(), zoom=1.1)
     axes.view_init(panel.elevation_deg, panel.azimuth_deg)
     axes.set_axis_off()
     axes.set_title(panel.title, fontsize=10)

@@ -76,7 +76,122 @@ def _crossing_planes(errors: Errors, seed: int) -> Scene:
     return _plane_views(crossing_planes(errors.offset, errors.tilt_deg, seed), errors, 1.0, 4)
 
 
+_AWAY = 3.0  # sizes between a solid and its sensor
+_FIELD_DEG = 28.0
+
+
+def _nine_facets(errors: Errors, seed: int) -> Scene:
+    """Nine views by a laser scanner, one along each facet's normal, as many as in the thesis."""
+    mesh, _ = nine_facets(0)
+    return _solid(mesh, 9, Laser(), errors, seed)
+
+
+def _cube(sigma: float) -> Callable[[Errors, int], Scene]:
+    """A cube's fourteen views: onto its six sides and its eight corners."""
+
+    def scene(errors: Errors, seed: int) -> Scene:
+        mesh = box((-0.5, -0.5, -0.5), (0.5, 0.5, 0.5))
+        noise = Laser(sigma=sigma) if sigma else None
+        return _solid(mesh, 6, noise, errors._replace(registration=0.0), seed)
+
+    return scene
+
+
+def _solid(mesh: ObjectMesh, planes: int, noise: Noise | None, errors: Errors, seed: int) -> Scene:
+    """A convex solid from all sides: a view onto each of its planes, and as many between them."""
+    vectors = np.cross(*(mesh.vertices[mesh.faces[:, k]] - mesh.vertices[mesh.faces[:, 0]] for k in (1, 2)))
+    normals = np.unique(np.round(vectors / np.linalg.norm(vectors, axis=1, keepdims=True), 6), axis=0)
+    poses = [look_at(_AWAY * normal, np.zeros(3)) for normal in normals]
+    if len(normals) == 6:
+        corners = np.array(np.meshgrid(*[[-1, 1]] * 3)).reshape(3, -1).T / np.sqrt(3)
+        poses += [look_at(_AWAY * corner, np.zeros(3)) for corner in corners]
+    sensor = Sensor(width=errors.pixels, height=errors.pixels, field_of_view_deg=_FIELD_DEG)
+    return _scanned(mesh, poses, sensor, noise, errors, seed, None, planes, planes)
+
+
+def _stereo(errors: Errors, seed: int) -> Scene:
+    """Two views of a floor and a board that leans on a chair, by a stereo bench (Fig. 5.5); lengths in metres.
+
+    The planes counted are the floor and the board; seat, back and legs of the chair come on top where they are seen.
+    """
+    legs = [box((x, y, 0), (x + 0.04, y + 0.04, 0.43)) for x in (-0.22, 0.18) for y in (-0.22, 0.18)]
+    chair = [*legs, box((-0.22, -0.22, 0.43), (0.22, 0.22, 0.47)), box((-0.22, 0.18, 0.47), (0.22, 0.22, 0.9))]
+    lean, half = np.deg2rad(20), 0.3
+    board = box((-half, -0.01, 0), (half, 0.01, 0.55))
+    turn = Rotation.from_euler("x", -lean).as_matrix()
+    board = ObjectMesh(board.vertices @ turn.T + np.array([0.0, -0.14, 0.475]), board.faces)
+    floor = box((-1.2, -1.2, -0.02), (1.2, 1.2, 0.0))
+    target = np.array([0.0, 0.0, 0.4])
+    poses = [look_at(np.array([x, -2.0, 1.5]), target) for x in (-0.35, 0.35)]
+    sensor = Sensor(width=2 * errors.pixels, height=3 * errors.pixels // 2, field_of_view_deg=50)
+    noise = Stereo(sigma=0.0008, correlation_px=1.0, unit="data")
+    return _scanned(join(floor, board, *chair), poses, sensor, noise, errors, seed, None, 2, 2)
+
+
+def _torso(errors: Errors, seed: int) -> Scene:
+    """A torso by the four cameras of a profilometer: rings of points, far apart upwards, without local meshes."""
+    poses = [look_at(_AWAY * np.array([np.cos(a), np.sin(a), 0.0]), np.zeros(3)) for a in np.pi / 4 + np.pi / 2 * np.arange(4)]
+    sensor = Sensor(width=2 * errors.pixels, height=2 * errors.pixels, field_of_view_deg=_FIELD_DEG)
+    made = _scanned(object_mesh("torso"), poses, sensor, Profilometer(), errors._replace(registration=0.0), seed, 2, 0, 1)
+    return made._replace(views=[ObjectMesh(view.vertices, np.zeros((0, 3), np.int64)) for view in made.views])
+
+
+def _two_tables(errors: Errors, seed: int) -> Scene:
+    """Two table tops at one height with a gap between them, from above on both sides: two segments in one plane."""
+    tops = [box((-1.0, -0.4, 0), (-0.1, 0.4, 0.03)), box((0.1, -0.4, 0), (1.0, 0.4, 0.03))]
+    poses = [look_at(np.array([x, -1.0, 4.0]), np.zeros(3)) for x in (-1.0, 1.0)]
+    sensor = Sensor(width=2 * errors.pixels, height=errors.pixels, field_of_view_deg=_FIELD_DEG, maximum_range=10)
+    return _scanned(join(*tops), poses, sensor, Laser(), errors, seed, None, 1, 2)
+
+
+def _scanned(
+    mesh: ObjectMesh,
+    poses: Sequence[Float[np.ndarray, "4 4"]],
+    sensor: Sensor,
+    noise: Noise | None,
+    errors: Errors,
+    seed: int,
+    every_row: int | None,
+    planes: int,
+    segments: int,
+) -> Scene:
+    """The mesh scanned from all poses, each of which is a little off; of the images ``every_row``-th row alone."""
+    import jax
+
+    random, size = np.random.default_rng(seed), mesh.size()
+    views, normals, eyes = [], [], []
+    for number, pose in enumerate(poses):
+        image = scan_mesh(mesh.vertices, mesh.faces, sensor, pose, noise, jax.random.fold_in(jax.random.key(seed), number))
+        cloud, faces = to_cloud(image), grid_triangles(image)
+        if every_row is not None:
+            kept = np.nonzero(image.valid)[0] % every_row == 0
+            cloud, faces = cloud.take(kept), np.zeros((0, 3), np.int64)
+        if len(cloud) == 0 or cloud.normals is None:
+            continue
+        T_world_view = _registration(random, errors.registration, size) @ pose
+        placed = cloud.moved(T_world_view)
+        assert placed.normals is not None
+        views.append(ObjectMesh(placed.points, faces))
+        normals.append(placed.normals)
+        eyes.append(T_world_view @ sensor.eye)
+    return Scene(views, normals, eyes, None, None, planes, segments)
+
+
+def _registration(random: np.random.Generator, share: float, size: float) -> Float[np.ndarray, "4 4"]:
+    """A small rigid motion about the origin: ``share`` of the size along each axis, as much by a turn at half of it."""
+    T = np.eye(4)
+    T[:3, :3] = Rotation.from_rotvec(2 * share * random.normal(size=3)).as_matrix()
+    T[:3, 3] = share * size * random.normal(size=3)
+    return T
+
+
 SCENES: dict[str, Callable[[Errors, int], Scene]] = {
     "one_plane": _one_plane,
     "crossing_planes": _crossing_planes,
+    "nine_facets": _nine_facets,
+    "stereo": _stereo,
+    "torso": _torso,
+    "two_tables": _two_tables,
+    "cube": _cube(0.0),
+    "noisy_cube": _cube(0.001),
 }
