@@ -19,13 +19,13 @@ from jaxmodel.scan.polyhedron import nine_facets
 from jaxmodel.scan.range_image import grid_triangles, to_cloud
 from jaxmodel.scan.sensor import Sensor
 from jaxmodel.scan.triangle_mesh import ObjectMesh, box, join
-from jaxmodel.scan.virtual_scanner import look_at, scan_mesh
+from jaxmodel.scan.virtual_scanner import look_at, scan_mesh, turntable_poses
 
 
 class Errors(NamedTuple):
     """What the scenes suffer from. ``offset`` (spacings) and ``tilt_deg`` of the views of planes; ``pixels`` across
     the images of solids; ``registration`` of their views (standard deviation of each axis, share of the size; as much
-    again by a turn at half the size).
+    again by a turn at half the size), of cubes none.
     """
 
     offset: float
@@ -92,7 +92,8 @@ def _cube(sigma: float) -> Callable[[Errors, int], Scene]:
     def scene(errors: Errors, seed: int) -> Scene:
         mesh = box((-0.5, -0.5, -0.5), (0.5, 0.5, 0.5))
         noise = Laser(sigma=sigma) if sigma else None
-        return _solid(mesh, 6, noise, errors._replace(registration=0.0), seed)
+        half = errors._replace(registration=0.0, pixels=errors.pixels // 2)
+        return _solid(mesh, 6, noise, half, seed)
 
     return scene
 
@@ -125,14 +126,16 @@ def _stereo(errors: Errors, seed: int) -> Scene:
     poses = [look_at(np.array([x, -2.0, 1.5]), target) for x in (-0.35, 0.35)]
     sensor = Sensor(width=2 * errors.pixels, height=3 * errors.pixels // 2, field_of_view_deg=50)
     noise = Stereo(sigma=0.0008, correlation_px=1.0, unit="data")
-    return _scanned(join(floor, board, *chair), poses, sensor, noise, errors, seed, None, 2, 2)
+    made = _scanned(join(floor, board, *chair), poses, sensor, noise, errors, seed, None, 2, 2)
+    return made._replace(noise=noise.sigma * float(np.linalg.norm(poses[0][:3, 3] - target)) ** 2)
 
 
 def _torso(errors: Errors, seed: int) -> Scene:
     """A torso by the four cameras of a profilometer: rings of points, far apart upwards, without local meshes."""
-    poses = [look_at(_AWAY * np.array([np.cos(a), np.sin(a), 0.0]), np.zeros(3)) for a in np.pi / 4 + np.pi / 2 * np.arange(4)]
-    sensor = Sensor(width=2 * errors.pixels, height=2 * errors.pixels, field_of_view_deg=_FIELD_DEG)
-    made = _scanned(object_mesh("torso"), poses, sensor, Profilometer(), errors._replace(registration=0.0), seed, 2, 0, 1)
+    poses = list(turntable_poses([45, 135, 225, 315], _AWAY))
+    sensor = Sensor(width=7 * errors.pixels // 2, height=7 * errors.pixels // 2, field_of_view_deg=_FIELD_DEG)
+    perfect = errors._replace(registration=0.0)
+    made = _scanned(object_mesh("torso"), poses, sensor, Profilometer(), perfect, seed, 2, 0, 1)
     return made._replace(views=[ObjectMesh(view.vertices, np.zeros((0, 3), np.int64)) for view in made.views])
 
 
@@ -161,7 +164,8 @@ def _scanned(
     random, size = np.random.default_rng(seed), mesh.size()
     views, normals, eyes = [], [], []
     for number, pose in enumerate(poses):
-        image = scan_mesh(mesh.vertices, mesh.faces, sensor, pose, noise, jax.random.fold_in(jax.random.key(seed), number))
+        key = jax.random.fold_in(jax.random.key(seed), number)
+        image = scan_mesh(mesh.vertices, mesh.faces, sensor, pose, noise, key)
         cloud, faces = to_cloud(image), grid_triangles(image)
         if every_row is not None:
             kept = np.nonzero(image.valid)[0] % every_row == 0
@@ -185,9 +189,16 @@ def _registration(random: np.random.Generator, share: float, size: float) -> Flo
     return T
 
 
+def _nothing_given(make: Callable[[Errors, int], Scene]) -> Callable[[Errors, int], Scene]:
+    """The scene with neither the thinning nor the noise given."""
+    return lambda errors, seed: make(errors, seed)._replace(thinning=None, noise=None)
+
+
 SCENES: dict[str, Callable[[Errors, int], Scene]] = {
     "one_plane": _one_plane,
     "crossing_planes": _crossing_planes,
+    "one_plane_unaided": _nothing_given(_one_plane),
+    "crossing_planes_unaided": _nothing_given(_crossing_planes),
     "nine_facets": _nine_facets,
     "stereo": _stereo,
     "torso": _torso,
