@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from jaxmodel.mesh.ball_pivoting import ball_pivoting
 from jaxmodel.mesh.deformable import deform
-from jaxmodel.mesh.distance import distance_to_points
+from jaxmodel.mesh.distance import distance_to_points, to_surface
 from jaxmodel.mesh.marching_cubes import marching_cubes
 from jaxmodel.mesh.poisson import poisson
 from jaxmodel.mesh.quality import quality
@@ -59,7 +59,7 @@ def method_facts(method: str, points: int, order: int, seed: int) -> dict[str, A
     cup, cup_normals = _sampled(_cup(), points, random)
     made_cup = make(cup, cup_normals, order)
     inner = (np.hypot(*cup[:, :2].T) < 1.01 * _HOLLOW) & (cup[:, 2] < _DEPTH)
-    reached = _distance(made_cup, cup[inner])
+    reached = to_surface(cup[inner], made_cup)
     uneven, uneven_normals = _sampled(ball, points, random, dense_above=0.0)
     return {
         "method": method,
@@ -70,7 +70,7 @@ def method_facts(method: str, points: int, order: int, seed: int) -> dict[str, A
         "border_loops": on_ball.border_loops,
         "hollow": float((reached < NEAR * cloud_scale(cup).spacing).mean()),
         "own_vertices": float((distance_to_points(whole.vertices, cloud) < 1e-9).mean()),
-        "error": float(_distance(whole, cloud).mean() / cloud_scale(cloud).spacing),
+        "error": float(to_surface(cloud, whole).mean() / cloud_scale(cloud).spacing),
         "density": _density(make(uneven, uneven_normals, order)),
         "triangles": len(whole.faces),
         "seconds": seconds,
@@ -94,18 +94,6 @@ def _sampled(
     u, v = np.sort(random.random((2, count)), axis=0)
     shares = np.stack([u, v - u, 1 - v], axis=1)
     return np.einsum("nk,nka->na", shares, corners[row]), vectors[row] / doubled[row, None]
-
-
-def _distance(mesh: ObjectMesh, points: Float[np.ndarray, "n 3"]) -> np.ndarray:
-    """Distance of each point from the mesh."""
-    import open3d as o3d
-
-    scene = o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(
-        o3d.core.Tensor(np.ascontiguousarray(mesh.vertices, np.float32)),
-        o3d.core.Tensor(np.ascontiguousarray(mesh.faces, np.uint32)),
-    )
-    return scene.compute_distance(o3d.core.Tensor(np.ascontiguousarray(points, np.float32))).numpy()
 
 
 def _density(mesh: ObjectMesh) -> float:

@@ -25,5 +25,5 @@ def different_planes(mesh: ObjectMesh, segments: Sequence[Primitive], noise: flo
     bound = max(WITHIN * noise, LEAST * mesh.size())
     places = [mesh.vertices[np.unique(mesh.faces[one.faces])] for one in flat]
     away = np.array([[np.abs((of - plane.point) @ plane.direction).mean() for of in places] for plane in flat])
-    same = (away < bound) & (away.T < bound)
+    same = np.maximum(away, away.T) < bound
     return int(connected_components(coo_matrix(same), directed=False, return_labels=False))

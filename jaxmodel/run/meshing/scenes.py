@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from jaxmodel.errors import InputError
@@ -38,7 +38,7 @@ class Scene(NamedTuple):
     """``views`` registered, with their local meshes (without triangles where the sensor gives none), and the normals
     of their points and homogeneous places of their sensor, None where the views have none of their own. ``noise`` is
     what is known of the scatter across the surface before it is meshed, None where the mesh has to tell; ``thinning``
-    the distance left between points, None for the mesher's own choice. ``planes`` and ``segments`` are the true numbers.
+    the distance left between points, None for the mesher's own choice. ``planes``, ``segments``: the true numbers.
     """
 
     views: list[ObjectMesh]
