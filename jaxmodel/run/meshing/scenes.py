@@ -81,13 +81,13 @@ _FIELD_DEG = 28.0
 
 
 def _nine_facets(errors: Errors, seed: int) -> Scene:
-    """Nine views by a laser scanner, one along each facet's normal, as many as in the thesis."""
+    """Nine views by a laser scanner, one onto each facet, as many as in the thesis."""
     mesh, _ = nine_facets(0)
     return _solid(mesh, 9, Laser(), errors, seed)
 
 
 def _cube(sigma: float) -> Callable[[Errors, int], Scene]:
-    """A cube's fourteen views: onto its six sides and its eight corners."""
+    """Fourteen views of a cube, onto its sides and its corners, of half as many pixels across and in their true places."""
 
     def scene(errors: Errors, seed: int) -> Scene:
         mesh = box((-0.5, -0.5, -0.5), (0.5, 0.5, 0.5))
@@ -99,7 +99,7 @@ def _cube(sigma: float) -> Callable[[Errors, int], Scene]:
 
 
 def _solid(mesh: ObjectMesh, planes: int, noise: Noise | None, errors: Errors, seed: int) -> Scene:
-    """A convex solid from all sides: a view onto each of its planes, and as many between them."""
+    """A convex solid from all sides: a view onto each of its planes, of a cube onto its corners too."""
     vectors = np.cross(*(mesh.vertices[mesh.faces[:, k]] - mesh.vertices[mesh.faces[:, 0]] for k in (1, 2)))
     normals = np.unique(np.round(vectors / np.linalg.norm(vectors, axis=1, keepdims=True), 6), axis=0)
     poses = [look_at(_AWAY * normal, np.zeros(3)) for normal in normals]
