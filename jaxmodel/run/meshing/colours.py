@@ -24,3 +24,12 @@ def face_colours(found: Segmentation) -> UInt8[np.ndarray, "m 3"]:
     """The colour of each triangle's segment."""
     labels: Int[np.ndarray, " m"] = found.labels
     return segment_colours(found)[labels]
+
+
+def number_colours(numbers: Int[np.ndarray, " n"]) -> UInt8[np.ndarray, "n 3"]:
+    """A colour for each number, as those of flat segments."""
+    hues = (0.58 + numbers * _GOLDEN) % 1.0
+    colours = [
+        colorsys.hsv_to_rgb(hue, 0.65, 0.85 if number % 2 else 0.95) for hue, number in zip(hues, numbers, strict=True)
+    ]
+    return np.round(255 * np.array(colours).reshape(-1, 3)).astype(np.uint8)
