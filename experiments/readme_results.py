@@ -1,17 +1,25 @@
-"""Write the table of results into README.md, between its two marks, from finished runs and the benchmark's baseline.
+"""Write the tables of results into README.md and experiments/README.md, between their marks, from finished runs.
 
-Run it after ``experiments/convergence.py``, ``experiments/chapter2.py`` and the scripts of ``experiments/bench`` with
-``--write-baseline``: nothing in the table is typed by hand.
+Run it after ``experiments/convergence.py``, ``experiments/chapter2.py``, ``experiments/hand_eye.py`` and the scripts of
+``experiments/bench`` with ``--write-baseline``: nothing in the tables is typed by hand.
 """
 
 import argparse
 import json
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from jaxmodel.calibrate.errors import quaternion_error_angle_deg
+from jaxmodel.run.published import published_table
+
 ROOT = Path(__file__).resolve().parents[1]
 BEGIN, END = "<!-- results: written by experiments/readme_results.py -->", "<!-- end of results -->"
+HAND_EYE = "<!-- hand-eye: written by experiments/readme_results.py -->", "<!-- end of hand-eye -->"
+METHODS = ("axis/angle", "dual quaternions", "nonlinear", "linear", "self-calibration")
 SHOWN = ("converged", "true rotation error", "iterations", "time with extraction")
 PICTURE = "bunny/figures/bun000-bun045-error-and-truth.png"
 
@@ -25,9 +33,7 @@ def convergence_rows(runs: Path) -> list[tuple[str, str, str, str]]:
             if not row["ours"]:
                 continue
             published = ", ".join(f"{kind} {100 * rate:g} %" for kind, rate in row["published"].items())
-            ours = ", ".join(
-                f"{kind} {100 * both['all_pairs']['rate']:.1f} %" for kind, both in row["ours"].items()
-            )
+            ours = ", ".join(f"{kind} {100 * both['all_pairs']['rate']:.1f} %" for kind, both in row["ours"].items())
             pairs = max(both["all_pairs"]["pairs"] for both in row["ours"].values())
             what = f"success from 1000 starts, {row['what']} (§2.9.2; {scans}, {pairs} pairs)"
             rows.append((what, published, ours, "`python experiments/convergence.py`"))
@@ -64,6 +70,95 @@ def chapter_rows(chapter: Path) -> list[tuple[str, str, str, str]]:
     ]
 
 
+def hand_eye_rows(folder: Path) -> list[tuple[str, str, str, str]]:
+    """RR-3507 in few rows: its tables for the linear method and self-calibration, and how its claims fare."""
+    command = "`python experiments/hand_eye.py`"
+    verdicts = json.loads((folder / "claims.json").read_text())
+    rows = [
+        (f"hand-eye, {says}", "as said", f"{ours}: {verdict}", command)
+        for says, ours, verdict in verdicts["statements"]
+        if "(Table 3." in says
+    ]
+    for line in _table_rows(folder):
+        run, method, *of = line
+        if method in ("linear", "self-calibration") and of[0]:
+            what = f"hand-eye, {run}, {method}: rotation, translation (simulated robots; median [90 %])"
+            rows.append((what, f"{of[0]}, {of[2]}", f"{of[1]}, {of[3]}", command))
+    counts = verdicts["typical_draw"], verdicts["stated"]
+    words = "; ".join(", ".join(f"{n} {word}" for word, n in of.items() if n) for of in counts)
+    rows.append(("hand-eye, claims of RR-3507: comparisons (typical draw, 95 %); other statements", "", words, command))
+    return rows
+
+
+def _table_rows(folder: Path) -> list[tuple[str, ...]]:
+    """Run, method, and the errors to the reference of Tables 3.3 and 4.1 and of §4.3: published, ours, for both.
+
+    Two methods that the report has not follow its own: they show where a difference comes from.
+    """
+    data = published_table("hand_eye")
+    tables = (
+        ("hand_eye_trajectories", data["table_3_3"], "Table 3.3", "axis/angle with unit axes"),
+        ("hand_eye_self_calibration", data["table_4_1"], "Table 4.1", "self-calibration on the target's points"),
+    )
+    rows = []
+    for name, table, where, extra in tables:
+        for of in json.loads((folder / name / "summary.json").read_text())["runs"]:
+            run, method = of["run"], of["method"]
+            ours = _spread(of["angle_deg"], 1, "°"), _spread(of["translation"], 100, " %")
+            said = {}
+            if run in table and method in METHODS:
+                said = {what: values[METHODS.index(method)] for what, values in table[run].items()}
+            elif run not in table and method == METHODS[-1]:
+                said = data["self_calibration_33"]
+            elif method != extra or run not in table:
+                continue
+            turn = f"{_number(float(quaternion_error_angle_deg(np.array(said['rotation']))))}°" if said else ""
+            shift = f"{_number(100 * said['translation'])} %" if said else ""
+            label = f"{run} ({where if run in table else '§4.3'})" if said else run
+            rows.append((label, method, turn, ours[0], shift, ours[1]))
+    return rows
+
+
+def _spread(of: dict[str, float], factor: float, unit: str) -> str:
+    value, low, high = (_number(factor * of[key]) for key in ("value", "low", "high"))
+    return f"{value} [{low}, {high}]{unit}"
+
+
+def _number(value: float) -> str:
+    """Two digits, without an exponent."""
+    return f"{float(f'{value:.2g}'):g}"
+
+
+def hand_eye_tables(folder: Path) -> list[str]:
+    """Everything RR-3507 says beside ours, as Markdown."""
+    verdicts = json.loads((folder / "claims.json").read_text())
+    columns = ("run", "method", "rotation: published", "ours", "translation: published", "ours")
+    lines = [*_markdown(columns, _table_rows(folder)), ""]
+    columns = ("published", "ours", "verdict")
+    lines += [*_markdown(columns, verdicts["statements"]), ""]
+    said: dict[str, list[tuple[str, ...]]] = {}
+    for says, ratio, quantity, _, typical in verdicts["claims"]:
+        said.setdefault(says, []).append((f"{quantity}, {ratio}", *typical.rsplit(" ", 1)))
+    rows = []
+    for says, found in said.items():
+        counts = [(sum(of[-1] == word for of in found), word) for word in ("confirmed", "contradicted", "undecided")]
+        ours = "; ".join(" ".join(of) for of in found)
+        rows.append((says, ours, ", ".join(f"{count} {word}" for count, word in counts if count)))
+    return lines + _markdown(("published", "ours: ratio of the errors of a typical draw (95 %)", "verdicts"), rows)
+
+
+def _markdown(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    cells = [[cell.replace("|", "\\|") for cell in row] for row in (columns, ["---"] * len(columns), *rows)]
+    return ["| " + " | ".join(row) + " |" for row in cells]
+
+
+def write_between(path: Path, marks: tuple[str, str], lines: Sequence[str]) -> None:
+    """Replace what stands between two marks of a file."""
+    before, rest = path.read_text().split(marks[0])
+    _, after = rest.split(marks[1])
+    path.write_text(f"{before}{marks[0]}\n\n" + "\n".join(lines) + f"\n\n{marks[1]}{after}")
+
+
 def benchmark_rows() -> list[tuple[str, str, str, str]]:
     """The paired benchmarks' ratios, from the committed baseline."""
     value = {name: metric["value"] for name, metric in json.loads(BASELINE.read_text()).items()}
@@ -89,19 +184,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=Path, default=Path("runs/convergence"), help="--out of convergence.py")
     parser.add_argument("--chapter", type=Path, default=Path("runs/chapter2"), help="--out of chapter2.py")
+    parser.add_argument("--hand-eye", type=Path, default=Path("runs/hand-eye"), help="--out of hand_eye.py")
     given = parser.parse_args()
     runs = given.runs
-    lines = ["| what | published | ours | command |", "| --- | --- | --- | --- |"]
-    found = (*convergence_rows(runs), *chapter_rows(given.chapter), *benchmark_rows())
-    lines += ["| " + " | ".join(row) + " |" for row in found]
+    found = (
+        *convergence_rows(runs), *chapter_rows(given.chapter), *hand_eye_rows(given.hand_eye), *benchmark_rows()
+    )  # fmt: skip
     readme = ROOT / "README.md"
-    before, rest = readme.read_text().split(BEGIN)
-    _, after = rest.split(END)
-    readme.write_text(f"{before}{BEGIN}\n\n" + "\n".join(lines) + f"\n\n{END}{after}")
+    write_between(readme, (BEGIN, END), _markdown(("what", "published", "ours", "command"), found))
+    write_between(ROOT / "experiments" / "README.md", HAND_EYE, hand_eye_tables(given.hand_eye))
     pictures = ROOT / "experiments" / "pictures"
     shutil.copyfile(runs / PICTURE, pictures / "convergence.png")
     shutil.copyfile(given.chapter / "conclusion.png", pictures / "chapter2.png")
-    print(f"wrote {len(lines) - 2} rows to {readme}")
+    shutil.copyfile(given.hand_eye / "hand_eye.png", pictures / "hand_eye.png")
+    print(f"wrote {len(found)} rows to {readme}")
 
 
 if __name__ == "__main__":

@@ -79,6 +79,24 @@ def in_turn(contenders: Mapping[str, Callable[[], object]], runs: int) -> dict[s
     return taken
 
 
+class Spent(NamedTuple):
+    """Seconds of each run: on the wall, and of this process on all processors."""
+
+    wall: list[float]
+    processor: list[float]
+
+
+def both_clocks(contenders: Mapping[str, Callable[[], object]], runs: int) -> dict[str, Spent]:
+    """As ``in_turn``, by the wall and by the processors' clock: the latter says little about waiting for others."""
+    taken = {name: Spent([], []) for name in contenders}
+    for _ in range(runs):
+        for name, work in contenders.items():
+            begun = time.process_time()
+            taken[name].wall.append(seconds(work))
+            taken[name].processor.append(time.process_time() - begun)
+    return taken
+
+
 def median_ratio(slow: Sequence[float], fast: Sequence[float]) -> float:
     """Median over the paired runs of slow / fast."""
     return statistics.median(a / b for a, b in zip(slow, fast, strict=True))

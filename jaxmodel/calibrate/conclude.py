@@ -19,6 +19,7 @@ class Solved(eqx.Module):
     estimate: Estimate
     angle: Float[AnyArray, " n"]
     distance: Float[AnyArray, " n"]
+    weight: Float[AnyArray, " n"]
     rotation: Float[AnyArray, "9 9"]
     scatter_A: Float[AnyArray, "3 3"]
     scatter_B: Float[AnyArray, "3 3"]

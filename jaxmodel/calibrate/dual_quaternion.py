@@ -1,8 +1,8 @@
 """Daniilidis's unit dual quaternions (RR-3507 §2.2.2): rotation and translation at once, from the screws' axes.
 
-It weighs rotation and translation by the unit of length, and at small rotations that costs digits: two exact motions
-of 1e-4 rad and unit length are its limit. Signs are those of the linear solution: equal scalar parts are not enough
-near pi (ERRATA).
+Its equations weigh rotation and translation by the unit of length: here that is the root mean square of the motions'
+own translations, so that metres and millimetres give one answer. At small rotations it loses digits: two exact motions
+of 1e-4 rad are its limit. Signs are those of the linear solution: equal scalar parts are not enough near pi (ERRATA).
 """
 
 import jax
@@ -26,16 +26,19 @@ def solve_dual_quaternion(pairs: Pairs, unknown_scale: bool = False) -> Estimate
     sums = pair_sums(pairs)
     R_linear = linear_rotation(sums)
     scale = linear_translation(sums, R_linear, unknown_scale).scale
+    t_A, t_B = scale * pairs.t_A, pairs.t_B
+    squares = jnp.sum(pairs.weight * jnp.sum(t_A**2 + t_B**2, axis=1))
+    length = jnp.where(squares > 0, jnp.sqrt(squares / (2 * jnp.where(squares > 0, sums.weight, 1.0))), 1.0)
     q_A = quaternions(pairs.R_A)
     q_B = align_signs(q_A, quaternions(pairs.R_B), R_linear)
     top = _rows(q_A, q_B)
-    bottom = _rows(_dual_part(q_A, scale * pairs.t_A), _dual_part(q_B, pairs.t_B))
+    bottom = _rows(_dual_part(q_A, t_A / length), _dual_part(q_B, t_B / length))
     T = jnp.concatenate([jnp.concatenate([top, jnp.zeros_like(top)], 2), jnp.concatenate([bottom, top], 2)], 1)
     T = (T * jnp.sqrt(pairs.weight)[:, None, None]).reshape(-1, 8)
     v_7, v_8 = _null_plane(T)
     q, dual = _unit_dual_quaternion(v_7, v_8)
     t = 2 * (q[0] * dual[1:] - dual[0] * q[1:] + jnp.cross(q[1:], dual[1:]))  # vector part of 2 q' q*
-    return Estimate(rotation_from_quaternion(q), t, scale)
+    return Estimate(rotation_from_quaternion(q), length * t, scale)
 
 
 def _rows(a: Float[jax.Array, "n 4"], b: Float[jax.Array, "n 4"]) -> Float[jax.Array, "n 3 4"]:

@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 
+from jaxmodel.calibrate.intrinsics import FEWEST_CORNERS, estimate_camera, is_view, stray
 from jaxmodel.calibrate.target import Target, TargetKind
 from jaxmodel.calibrate.target_corners import find_corners
 from jaxmodel.errors import InputError
@@ -16,12 +17,7 @@ from jaxmodel.scan.camera import Camera
 
 __all__ = ["Target", "TargetKind", "TargetPoses", "target_poses"]
 
-FEWEST_CORNERS = 6
-FEWEST_VIEWS = 3
 FLATNESS = 0.05  # corners nearer than this share of their spread to one line give no pose
-FOCAL_UNCERTAINTY = 0.05
-LEAST_TILT_DEG = 5.0
-STRAY, LEAST_STRAY_PX = 6.0, 0.02  # the median of a plane's Gaussian errors is 1.18 sigma: beyond seven sigma
 DOUBT = 5.0**2  # the mirrored pose is in the running while it is less than five standard deviations worse
 
 
@@ -32,7 +28,9 @@ class TargetPoses:
     ``T_camera_target (n, 4, 4)``, ``reprojection_px (n,)`` (root mean square distance of the corners) and ``corners
     (n, m, 2)`` (pixels of ``target.points``) are NaN where the target, or a corner, was not found or not believed.
     ``ambiguous``: the pose mirrored in the image plane fits as well, as far as the corners' noise can tell (a small or
-    distant target).
+    distant target). ``dropped (n,)``: how many corners were seen but not believed, since they lie far from where all
+    the others put them. ``misread``: so many corners were seen, but in an order or at places that no view of the
+    target has; such an image counts as not found.
     ``camera``: the one given, or estimated from the same images.
     """
 
@@ -42,6 +40,8 @@ class TargetPoses:
     camera: Camera
     corners: Float[np.ndarray, "n m 2"]
     ambiguous: Bool[np.ndarray, " n"]
+    dropped: Int[np.ndarray, " n"]
+    misread: Bool[np.ndarray, " n"]
 
 
 def target_poses(images: Sequence[Path], target: Target, camera: Camera | None = None) -> TargetPoses:
@@ -51,6 +51,7 @@ def target_poses(images: Sequence[Path], target: Target, camera: Camera | None =
     is kept (Collins and Bartoli 2014). A chessboard must be seen whole; of ChArUco boards and tags a part is enough.
     Its half turn is settled by its colours. Without ``camera`` the intrinsic parameters are estimated first, with as
     many distortion terms as the images speak for (Bayesian information criterion); at least 3 tilted views are needed.
+    Corners in the wrong place are left out of both.
 
     Images keep the sensor's own orientation. Raises :class:`InputError` for an unreadable image, images of another
     size than the camera's or each other's, a target seen in none of them, images that do not determine the camera, or
@@ -70,20 +71,34 @@ def target_poses(images: Sequence[Path], target: Target, camera: Camera | None =
             whose = "the first image has" if camera is None else "the camera is for"
             raise InputError(f"{path} has {seen[0]} x {seen[1]} pixels, but {whose} {size[0]} x {size[1]}.")
         corners.append(find_corners(cv2, grey, target))
-    corners = np.stack(corners)
+    assert size is not None
+    return poses_of_corners(np.stack(corners), target, camera, size)
+
+
+def poses_of_corners(
+    corners: Float[np.ndarray, "n m 2"], target: Target, camera: Camera | None, size: tuple[int, int]
+) -> TargetPoses:
+    """As ``target_poses``, from pixels of the target's corners (NaN: not seen) in images of ``size``."""
+    cv2 = _opencv()
+    corners, n = corners.copy(), len(corners)
     usable = np.array([_spread_out(target.points[np.isfinite(one[:, 0])]) for one in corners])
+    seen = np.isfinite(corners[..., 0]).sum(axis=1)
+    misread = np.zeros(n, bool)
+    for k in np.flatnonzero(usable):
+        misread[k] = not is_view(cv2, target.points, corners[k])
+    usable &= ~misread
     corners[~usable] = np.nan
     if not usable.any():
-        raise InputError(f"None of the {len(images)} images shows the target ({target.sentence}).")
+        raise InputError(f"None of the {n} images shows the target ({target.sentence}).")
     if camera is None:
-        assert size is not None
-        camera = _estimate_camera(cv2, target.points, corners[usable], size)
-    n = len(images)
+        camera, kept = estimate_camera(cv2, target.points, corners[usable], size)
+        corners[usable] = np.where(kept[..., None], corners[usable], np.nan)
     poses, error, doubt = np.full((n, 4, 4), np.nan), np.full(n, np.nan), np.zeros(n, bool)
     for k in np.flatnonzero(usable):
         poses[k], error[k], doubt[k], kept = _pose(cv2, target.points, corners[k], camera)
         corners[k, ~kept] = np.nan
-    return TargetPoses(poses, usable, error, camera, corners, doubt)
+    dropped = np.where(usable, seen - np.isfinite(corners[..., 0]).sum(axis=1), 0)
+    return TargetPoses(poses, usable, error, camera, corners, doubt, dropped, misread)
 
 
 def _spread_out(points: Float[np.ndarray, "k 3"]) -> bool:
@@ -105,15 +120,14 @@ def _pose(cv2: Any, points: np.ndarray, corners: np.ndarray, camera: Camera) -> 
     """The better of a flat target's two poses, without corners that lie far from where all the others put them.
 
     A tag that something covers in part can be read with a corner in the wrong place. The worst corner is left out, one
-    at a time, while it is ``STRAY`` times further off than half of the others.
+    at a time, while it is ``stray``.
     """
     kept = np.isfinite(corners[:, 0])
     while True:
         pose, distance = _two_poses(cv2, points[kept], np.ascontiguousarray(corners[kept]), camera)
-        worst = int(np.argmax(distance))
-        if kept.sum() <= FEWEST_CORNERS or distance[worst] <= STRAY * max(float(np.median(distance)), LEAST_STRAY_PX):
+        if kept.sum() <= FEWEST_CORNERS or not stray(distance):
             return pose._replace(kept=kept)
-        kept[np.flatnonzero(kept)[worst]] = False
+        kept[np.flatnonzero(kept)[int(np.argmax(distance))]] = False
 
 
 def _two_poses(
@@ -134,48 +148,6 @@ def _two_poses(
         variance = squares / max(2 * len(points) - 6, 1)
         doubt = candidates[1][0] - squares < DOUBT * variance
     return _Pose(T, float(np.sqrt(squares / len(points))), bool(doubt), np.ones(len(points), bool)), distance
-
-
-def _estimate_camera(
-    cv2: Any, points: np.ndarray, corners: Float[np.ndarray, "v m 2"], size: tuple[int, int]
-) -> Camera:
-    """Intrinsic parameters (Zhang 2000), the number of distortion terms by the Bayesian information criterion."""
-    if len(corners) < FEWEST_VIEWS:
-        raise InputError(
-            f"The target was found in {len(corners)} images; at least {FEWEST_VIEWS} are needed to estimate the camera "
-            "too: give more, or a camera file."
-        )
-    seen = np.isfinite(corners[..., 0])
-    known = [points[one].astype(np.float32) for one in seen]
-    pixels = [view[one].astype(np.float32) for view, one in zip(corners, seen, strict=True)]
-    count = 2 * int(seen.sum())
-    radial = (cv2.CALIB_FIX_K1, cv2.CALIB_FIX_K2, cv2.CALIB_FIX_K3)
-    level = cv2.CALIB_ZERO_TANGENT_DIST
-    models = ((0, level | sum(radial)), (1, level | radial[1] | radial[2]), (2, level | radial[2]), (5, 0))
-    best, lowest = None, np.inf
-    for terms, flags in models:
-        try:
-            solved = cv2.calibrateCameraExtended(known, pixels, size, None, None, flags=flags)
-        except cv2.error:
-            continue
-        squares = count / 2 * solved[0] ** 2
-        criterion = count * np.log(max(squares / count, 1e-12)) + (4 + terms) * np.log(count)
-        if np.isfinite(criterion) and criterion < lowest:
-            best, lowest = solved, criterion
-    if best is None or not _determined(cv2, best):
-        raise InputError(
-            f"The {len(corners)} images that show the target do not determine the camera: show it tilted in several "
-            "directions, or give a camera file."
-        )
-    return Camera(np.asarray(best[1]), np.asarray(best[2]).reshape(-1), *size)
-
-
-def _determined(cv2: Any, solved: Any) -> bool:
-    """Whether the focal lengths are known: by their deviations, and since parallel planes say nothing new (Zhang)."""
-    unsure = float(np.max(solved[5][:2, 0] / np.diag(solved[1])[:2]))
-    normals = np.stack([cv2.Rodrigues(turn)[0][:, 2] for turn in solved[3]])
-    cosine = float((normals @ normals.T).min())
-    return bool(unsure < FOCAL_UNCERTAINTY and cosine < np.cos(np.radians(LEAST_TILT_DEG)))
 
 
 def _grey(cv2: Any, path: Path) -> UInt8[np.ndarray, "h w"]:

@@ -15,6 +15,9 @@ from jaxmodel.geometry.eigen import smallest_eigenvector
 from jaxmodel.geometry.elimination import solve_semidefinite
 from jaxmodel.geometry.polar import nearest_rotation
 
+SIZED = 1 / 8  # least determinant of a one-step solution: half a rotation's size, as much noise as measurement
+SHARED = 1e-2  # least share of vec R_X in the null vector of eq. 4.2, its columns brought to one size
+
 
 def solve_linear(pairs: Pairs, unknown_scale: bool = False) -> Estimate:
     """Rotation from eq. 3.13, then translation from eq. 3.14 (with the scale: eq. 4.3)."""
@@ -46,22 +49,31 @@ def solve_one_step(pairs: Pairs, unknown_scale: bool = False) -> Estimate:
     """Least squares for the 12 unknowns of eq. 3.12 at once, the rotation part then made a rotation.
 
     With an unknown scale the 13 unknowns of eq. 4.2 are homogeneous: their null vector, scaled by its determinant.
+    Only B's translations say how long vec R_X is: in pure rotations of B (Propositions 1 and 2) least squares make it
+    zero in eq. 3.12, and eq. 4.2 leaves it open. Where they say less of it than the noise, the two steps answer.
     """
     sums = pair_sums(pairs)
     Q = sums.translation.at[:9, :9].add(sums.rotation)
     if unknown_scale:
         spread = jnp.sqrt(jnp.maximum(jnp.diagonal(Q), jnp.finfo(Q.dtype).tiny))
-        z = smallest_eigenvector(Q / spread[:, None] / spread[None, :]) / spread
+        unit = smallest_eigenvector(Q / spread[:, None] / spread[None, :])
+        z, sized = unit / spread, jnp.sum(unit[:9] ** 2) > SHARED
     else:
         z = jnp.append(solve_semidefinite(Q[:12, :12], -Q[:12, 12]), 1.0)
         for _ in range(2):  # the normal matrix squares the condition; residuals taken row by row win it back
             z = z.at[:12].add(solve_semidefinite(Q[:12, :12], -_gradient(pairs, z)[:12]))
-    V = z[:9].reshape(3, 3)
-    determinant = jnp.dot(V[0], jnp.cross(V[1], V[2]))
+        sized = _determinant(z) > SIZED
     if unknown_scale:
+        determinant = _determinant(z)
         z = z / jnp.where(determinant == 0, 1.0, jnp.cbrt(determinant))
-        V, determinant = z[:9].reshape(3, 3), jnp.abs(determinant)
-    return Estimate(nearest_rotation(V), z[9:12], z[12])
+    whole = Estimate(nearest_rotation(z[:9].reshape(3, 3)), z[9:12], z[12])
+    steps = linear_translation(sums, linear_rotation(sums), unknown_scale)
+    return jax.tree.map(lambda one, two: jnp.where(sized, one, two), whole, steps)
+
+
+def _determinant(z: Float[jax.Array, "13"]) -> Float[jax.Array, ""]:
+    V = z[:9].reshape(3, 3)
+    return jnp.dot(V[0], jnp.cross(V[1], V[2]))
 
 
 def _gradient(pairs: Pairs, z: Float[jax.Array, "13"]) -> Float[jax.Array, "13"]:

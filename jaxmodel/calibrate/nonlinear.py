@@ -16,7 +16,7 @@ from jaxtyping import Float
 from jaxmodel.calibrate.estimate import Estimate
 from jaxmodel.calibrate.linear import solve_linear
 from jaxmodel.calibrate.pairs import Pairs, PairSums, align_signs, exchanged, pair_sums, quaternions
-from jaxmodel.calibrate.refine import Weighting, refine, residuals, turn
+from jaxmodel.calibrate.refine import Weighting, linearise, refine, turn
 from jaxmodel.geometry.elimination import NormalEquations, square_root
 from jaxmodel.geometry.polar import skew
 from jaxmodel.geometry.rigid_fit import rotation_from_quaternion
@@ -28,15 +28,16 @@ TOLERANCE = 1e-7  # of a step (rad, relative length) and of the cost; the last d
 
 
 class _Problem(eqx.Module):
-    """A start and the square roots of the two quadratic forms."""
+    """A start, the square roots of the two quadratic forms, and the length that the translation's tangent counts in."""
 
     start: Estimate
     rotation: Float[jax.Array, "9 9"]
     translation: Float[jax.Array, "13 13"]
+    length: Float[jax.Array, ""]
 
     def moved(self, tangent: Float[jax.Array, " k"]) -> Estimate:
         scale = self.start.scale + tangent[6] if tangent.shape[0] == 7 else self.start.scale
-        return Estimate(turn(tangent[:3]) @ self.start.R, self.start.t + tangent[3:6], scale)
+        return Estimate(turn(tangent[:3]) @ self.start.R, self.start.t + self.length * tangent[3:6], scale)
 
     def residual(self, tangent: Float[jax.Array, " k"]) -> Float[jax.Array, "22"]:
         point = self.moved(tangent)
@@ -47,13 +48,18 @@ class _Problem(eqx.Module):
 
 def descend(sums: PairSums, start: Estimate, weighting: Weighting, unknown_scale: bool = False) -> Estimate:
     """Levenberg-Marquardt on the group from ``start``, all pairs at once through their sums."""
+    # the motions' own length, so that neither damping nor stopping depends on the unit
+    squares = jnp.trace(sums.translation[:9, :9]) / 3 + start.scale**2 * sums.translation[12, 12]
+    length = jnp.where(squares > 0, jnp.sqrt(squares / jnp.where(squares > 0, sums.weight, 1.0)), 1.0)
+    lengths = squares + length**2 * jnp.trace(sums.translation[9:12, 9:12])
     # a curvature of 1e4 whatever the weights, so that the solver's first damping (1) is a small one
-    curvature = weighting.rotation * jnp.trace(sums.rotation) + weighting.translation * jnp.trace(sums.translation)
+    curvature = weighting.rotation * jnp.trace(sums.rotation) + weighting.translation * lengths
     unit = 1e4 / jnp.where(curvature > 0, curvature, 1.0)
     problem = _Problem(
         start,
         jnp.sqrt(0.5 * unit * weighting.rotation) * square_root(sums.rotation),
         jnp.sqrt(unit * weighting.translation) * square_root(sums.translation),
+        length,
     )
     solution = optx.least_squares(
         lambda tangent, p: p.residual(tangent),
@@ -98,13 +104,16 @@ def _reweighted(pairs: Pairs, start: Estimate, unknown_scale: bool, weighting: W
 
 
 def variance_components(pairs: Pairs, estimate: Estimate) -> Weighting:
-    """Weights 1 / variance of one component of the rotation and of the translation residuals at an estimate."""
-    angle, distance = residuals(pairs, estimate)
+    """Weights 1 / variance of one component of the rotation and of the translation residuals at an estimate.
+
+    The rotation residuals are chords, as in the cost: their sum of squares is a quadratic form, too.
+    """
+    line = linearise(pairs, estimate)
     count = jnp.maximum(3 * jnp.sum(pairs.weight > 0) - 3, 1)
     reach = jnp.sum(estimate.t**2) + jnp.max(jnp.sum(pairs.t_B**2 + (estimate.scale * pairs.t_A) ** 2, axis=1))
     rounding = 1e-18  # exact data: weights stay within what the stopping rule can resolve
-    rotation = jnp.sum(pairs.weight * angle**2) / count + rounding
-    translation = jnp.sum(pairs.weight * distance**2) / count + rounding * reach
+    rotation = jnp.sum(pairs.weight * jnp.sum(line.rotation**2, axis=1)) / count + rounding
+    translation = jnp.sum(pairs.weight * jnp.sum(line.translation**2, axis=1)) / count + rounding * reach
     return Weighting(1.0 / rotation, 1.0 / jnp.where(translation > 0, translation, 1.0))
 
 

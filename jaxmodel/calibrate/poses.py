@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jaxmodel.calibrate.joint import JointSolution, Noise, Pose, Poses, kernel, target_from
+from jaxmodel.calibrate.loss import Loss, checked_loss
 from jaxmodel.calibrate.motions import Chain, PairChoice, Setup, chain, motion_pairs
 from jaxmodel.calibrate.observability import Observability
 from jaxmodel.calibrate.outcome import Outcome
@@ -23,9 +24,12 @@ class HandEye:
 
     ``transforms``: ``T_hand_camera`` and ``T_base_target`` (camera on the hand), or ``T_base_camera`` and
     ``T_hand_target`` (camera fixed), with their inverses; metric, in the unit of the hand's poses. ``scale`` times the
-    camera's translations is metric. ``covariance`` of X (the first of them) is that of ``(rotation, translation)``
+    camera's translations is metric; ``scale_deviation`` is its standard deviation (``joint``, scale unknown).
+    ``covariance`` of X (the first of them) is that of ``(rotation, translation)``
     errors ``R <- exp(d) R`` (rad), ``t <- t + e``; only ``joint`` has one, with ``freedom`` degrees of freedom. One
-    residual for each pose (``joint``) or each motion (the other methods): rad and unit of the hand.
+    residual for each pose (``joint``) or each motion (the other methods): rad and unit of the hand. ``weights``: of
+    each pose, those given times those of a robust loss. ``rotation_noise`` (rad), ``translation_noise`` and
+    ``depth_noise``: as ``JointSolution`` has them, metric.
     """
 
     setup: Setup
@@ -39,7 +43,12 @@ class HandEye:
     covariance: Float[np.ndarray, "6 6"] | None = None
     freedom: float = float("nan")
     influence: Float[np.ndarray, " n"] | None = None
+    weights: Float[np.ndarray, " n"] | None = None
     steps: int = 0
+    rotation_noise: float = float("nan")
+    translation_noise: float = float("nan")
+    depth_noise: float = float("nan")
+    scale_deviation: float = float("nan")
 
     @property
     def X(self) -> Float[np.ndarray, "4 4"]:
@@ -61,11 +70,14 @@ def calibrate_poses(
     unknown_scale: bool = False,
     noise: Noise = "camera",
     weights: Float[np.ndarray, " k"] | None = None,
+    loss: str = "none",
 ) -> HandEye:
     """Calibrate from paired absolute poses: ``hand`` T_base_hand, ``camera`` as ``setup`` says; at least two.
 
     ``method="joint"`` refines both unknowns from all poses; ``noise`` names the stream that carries the noise. Any
-    method of ``solve`` works on ``pairs`` of poses instead. Raises :class:`InputError` for bad rows, unequal lengths
+    method of ``solve`` works on ``pairs`` of poses instead. ``weights`` are those of the poses, and a pair weighs the
+    product of its two; a robust ``loss`` weighs the poses by what ``joint`` leaves of each, whatever the method, since
+    a wrong pose spoils every pair that it is in. Raises :class:`InputError` for bad rows, unequal lengths
     and fewer than two poses; motions that leave something open give a partial answer with its verdict.
     """
     hand, camera = checked_motions(hand, "hand"), checked_motions(camera, "camera")
@@ -77,11 +89,21 @@ def calibrate_poses(
     weights = np.ones(len(hand)) if weights is None else np.asarray(weights, np.float64)
     if weights.shape != (len(hand),) or not np.isfinite(weights).all() or (weights < 0).any():
         raise InputError(f"weights must be {len(hand)} finite numbers >= 0, one for each pose.")
+    kind = checked_loss(loss)
     motions = motion_pairs(poses, pairs)
-    pair_weights = weights[motions.index[:, 0]] * weights[motions.index[:, 1]]
-    first = solve(motions.A, motions.B, "linear" if method == "joint" else method, unknown_scale, pair_weights)
-    if method == "joint" and first.outcome in (Outcome.SOLVED, Outcome.SEVERAL_ANSWERS):
-        return _joint(poses, weights, setup, first, noise, unknown_scale)
+
+    def on_pairs(method: str, weights: np.ndarray) -> Calibration:
+        pair_weights = weights[motions.index[:, 0]] * weights[motions.index[:, 1]]
+        return solve(motions.A, motions.B, method, unknown_scale, pair_weights)
+
+    first = on_pairs("linear" if method == "joint" else method, weights)
+    if (method == "joint" or loss != "none") and first.outcome in (Outcome.SOLVED, Outcome.SEVERAL_ANSWERS):
+        joint = _joint(poses, weights, setup, first, noise, unknown_scale, kind)
+        if method == "joint":
+            return joint
+        assert joint.weights is not None
+        weights = joint.weights
+        first = on_pairs(method, weights)
     scale = 1.0 if np.isnan(first.scale) else first.scale
     X = se3.inverse(first.X)
     Z = _target(poses, weights, X, scale)
@@ -94,6 +116,7 @@ def calibrate_poses(
         first.observability,
         first.rotation_residuals,
         first.translation_residuals,
+        weights=weights,
         steps=first.steps,
     )
 
@@ -106,6 +129,7 @@ def joint_many(
     noise: Noise = "camera",
     unknown_scale: bool = False,
     start: Float[np.ndarray, "b 4 4"] | None = None,
+    loss: str = "none",
 ) -> JointSolution:
     """``joint`` for a batch of problems, as NumPy arrays with a leading batch axis; no verdict is made.
 
@@ -123,7 +147,7 @@ def joint_many(
         start, scale = se3.inverse(found.X), found.scale
     else:
         scale = np.ones(b)
-    return _run(poses, mask.astype(np.float64), start, scale, noise, unknown_scale)
+    return _run(poses, mask.astype(np.float64), start, scale, noise, unknown_scale, checked_loss(loss))
 
 
 def joint_weighted(
@@ -132,6 +156,7 @@ def joint_weighted(
     weights: Float[np.ndarray, "k n"],
     setup: Setup = Setup.EYE_IN_HAND,
     noise: Noise = "camera",
+    loss: Loss = "none",
 ) -> Float[np.ndarray, "k 4 4"]:
     """X by ``joint`` for each row of weights of the same poses, all from the linear solution of all of them."""
     poses = chain(hand, camera, setup)
@@ -139,7 +164,7 @@ def joint_weighted(
     start = se3.inverse(solve(motions.A, motions.B).X)
     k = len(weights)
     every = Chain(np.broadcast_to(poses.H, (k, *poses.H.shape)), np.broadcast_to(poses.C, (k, *poses.C.shape)))
-    found = _run(every, weights, np.broadcast_to(start, (k, 4, 4)), np.ones(k), noise, False)
+    found = _run(every, weights, np.broadcast_to(start, (k, 4, 4)), np.ones(k), noise, False, loss)
     return se3.compose(np.asarray(found.X.R), np.asarray(found.X.t))
 
 
@@ -155,7 +180,7 @@ def named(
 
 
 def _joint(
-    poses: Chain, weights: np.ndarray, setup: Setup, first: Calibration, noise: Noise, unknown_scale: bool
+    poses: Chain, weights: np.ndarray, setup: Setup, first: Calibration, noise: Noise, unknown_scale: bool, loss: Loss
 ) -> HandEye:
     length = size_class(len(poses.H), smallest=16)
     identity = np.broadcast_to(np.eye(4), (length - len(poses.H), 4, 4))
@@ -167,13 +192,14 @@ def _joint(
         np.array([first.scale]),
         noise,
         unknown_scale,
+        loss,
     )
     n = len(poses.H)
     outcome = first.outcome
     if outcome is Outcome.SOLVED and not solution.converged[0]:
         outcome = Outcome.NOT_CONVERGED
     X, Z = (se3.compose(pose.R[0], pose.t[0]) for pose in (solution.X, solution.Z))
-    metric = float(solution.scale[0]) if noise == "camera" else 1.0
+    metric = 1.0 if noise == "hand" else float(solution.scale[0])
     return HandEye(
         setup,
         "joint",
@@ -186,19 +212,30 @@ def _joint(
         solution.covariance[0, :6, :6],
         float(solution.freedom[0]),
         solution.influence[0, :n],
+        weights * solution.weight[0, :n],
         int(solution.steps[0]),
+        float(solution.rotation_noise[0]),
+        metric * float(solution.translation_noise[0]),
+        metric * float(solution.depth_noise[0]),
+        float(solution.scale[0] * np.sqrt(solution.covariance[0, 12, 12])) if unknown_scale else float("nan"),
     )
 
 
 def _run(
-    poses: Chain, weights: np.ndarray, X: np.ndarray, scale: np.ndarray, noise: Noise, unknown_scale: bool
+    poses: Chain,
+    weights: np.ndarray,
+    X: np.ndarray,
+    scale: np.ndarray,
+    noise: Noise,
+    unknown_scale: bool,
+    loss: Loss = "none",
 ) -> JointSolution:
     with jax.enable_x64(True):
         inputs = Poses(poses.H[..., :3, :3], poses.H[..., :3, 3], poses.C[..., :3, :3], poses.C[..., :3, 3], weights)
         start = Pose(X[:, :3, :3], X[:, :3, 3])
         metric = Poses(inputs.R_hand, inputs.t_hand, inputs.R_camera, scale[:, None, None] * inputs.t_camera, weights)
         Z = jax.jit(jax.vmap(target_from))(metric, start)
-        return jax.tree.map(np.asarray, kernel(noise, unknown_scale)(inputs, start, Z, scale))
+        return jax.tree.map(np.asarray, kernel(noise, unknown_scale, loss)(inputs, start, Z, scale))
 
 
 def _target(poses: Chain, weights: np.ndarray, X: np.ndarray, scale: float) -> np.ndarray:

@@ -66,16 +66,19 @@ def bootstrap(
     setup: Setup = Setup.EYE_IN_HAND,
     method: str = "joint",
     noise: Noise = "camera",
+    weights: Float[np.ndarray, " n"] | None = None,
 ) -> Replicas:
     """Poses drawn with replacement, ``draws`` times; draw i comes from ``fold_in(key, i)``.
 
-    Draws with fewer than 4 different poses are drawn again. Bootstrap covariances of few poses are somewhat wide.
+    ``weights``: of the poses, given or those that a robust loss ended with. Draws with fewer than 4 different poses are
+    drawn again. Bootstrap covariances of few poses are somewhat wide.
     """
     n = len(hand)
     if n < 5:
         raise InputError(f"{n} poses are too few to resample; at least 5 are needed.")
     counts = np.stack([_counts(jax.random.fold_in(key, i), n) for i in range(draws)])
-    X = replicas(hand, camera, np.concatenate([np.ones((1, n)), counts]), setup, method, noise)
+    counts = np.concatenate([np.ones((1, n)), counts]) * (1.0 if weights is None else weights)
+    X = replicas(hand, camera, counts, setup, method, noise)
     d = differences(X[1:], X[0])
     d = d[np.isfinite(d).all(axis=1)]
     return Replicas(X[1:], X[0], d.T @ d / max(len(d), 1))
@@ -96,12 +99,17 @@ def leave_one_out(
     setup: Setup = Setup.EYE_IN_HAND,
     method: str = "joint",
     noise: Noise = "camera",
+    weights: Float[np.ndarray, " n"] | None = None,
 ) -> Replicas:
-    """X without each pose in turn, and the jackknife covariance. Row i of ``differences`` is what pose i does."""
+    """X without each pose in turn, and the jackknife covariance. Row i of ``differences`` is what pose i does.
+
+    ``weights``: of the poses, given or those that a robust loss ended with.
+    """
     n = len(hand)
     if n < 4:
         raise InputError(f"{n} poses are too few to leave one out; at least 4 are needed.")
-    X = replicas(hand, camera, np.concatenate([np.ones((1, n)), 1.0 - np.eye(n)]), setup, method, noise)
+    left = np.concatenate([np.ones((1, n)), 1.0 - np.eye(n)]) * (1.0 if weights is None else weights)
+    X = replicas(hand, camera, left, setup, method, noise)
     d = differences(X[1:], X[0])
     d = d - d.mean(axis=0)
     return Replicas(X[1:], X[0], (n - 1) / n * d.T @ d)

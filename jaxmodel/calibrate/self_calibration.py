@@ -95,10 +95,13 @@ def self_calibrate(
     return _solve_groups(A, B, first.X[:3, :3], index, refine)
 
 
-def _rows(
-    A: np.ndarray, B: np.ndarray, R: np.ndarray, index: np.ndarray
+def scale_system(
+    A: Float[np.ndarray, "n 4 4"],
+    B: Float[np.ndarray, "n 4 4"],
+    R: Float[np.ndarray, "3 3"],
+    index: Int[np.ndarray, " n"],
 ) -> tuple[Float[np.ndarray, "m u"], Float[np.ndarray, " m"]]:
-    """The system of eq. 4.3 / 4.4: ``[R_A - I, t_A] (t_X, scale of its group) = R_X t_B``."""
+    """The system of eq. 4.3 / 4.4: ``[R_A - I, t_A] (t_X, scale of its group) = R_X t_B``; ``index`` is the group."""
     n, count = len(A), int(index.max(initial=-1)) + 1
     left = np.zeros((n, 3, 3 + count))
     left[:, :, :3] = A[:, :3, :3] - np.eye(3)
@@ -108,13 +111,13 @@ def _rows(
 
 def _solve_groups(A: np.ndarray, B: np.ndarray, R: np.ndarray, index: np.ndarray, refine: bool) -> SelfCalibration:
     n, count = len(A), int(index.max(initial=-1)) + 1
-    left, right = _rows(A, B, R, index)
+    left, right = scale_system(A, B, R, index)
     # columns of unlike units: scaled before the rank is looked at
     size = _column_sizes(left)
     solution = np.linalg.lstsq(left / size, right, rcond=1e-12)[0] / size
     if refine:
         R, solution = _refine(A, B, R, solution, index)
-        left, right = _rows(A, B, R, index)
+        left, right = scale_system(A, B, R, index)
         size = _column_sizes(left)
     X = np.eye(4)
     X[:3, :3], X[:3, 3] = R, solution[:3]
@@ -178,7 +181,7 @@ def _refine(
         turned = R @ B[:, :3, :3] @ R.T
         rotation = (A[:, :3, :3] - turned).reshape(-1) / np.sqrt(2)
         change = np.einsum("cij,njk->nikc", basis, turned) - np.einsum("nij,cjk->nikc", turned, basis)
-        left, right = _rows(A, B, R, index)
+        left, right = scale_system(A, B, R, index)
         translation = left @ solution - right
         moved = B[:, :3, 3] @ R.T
         by_turn = np.stack([np.cross(moved, axis) for axis in eye], axis=2).reshape(-1, 3)

@@ -14,6 +14,7 @@ from jaxmodel.calibrate.conclude import Solved, conclude, pair_residuals
 from jaxmodel.calibrate.dual_quaternion import solve_dual_quaternion
 from jaxmodel.calibrate.estimate import Estimate
 from jaxmodel.calibrate.linear import solve_linear, solve_one_step
+from jaxmodel.calibrate.loss import Loss, checked_loss
 from jaxmodel.calibrate.nonlinear import QuaternionWeights, solve_nonlinear, solve_quaternion_penalty
 from jaxmodel.calibrate.observability import Observability
 from jaxmodel.calibrate.outcome import Outcome
@@ -21,6 +22,7 @@ from jaxmodel.calibrate.pairs import Pairs, make_pairs, pair_sums
 from jaxmodel.calibrate.park import solve_park
 from jaxmodel.calibrate.quaternion import solve_quaternion
 from jaxmodel.calibrate.refine import residuals
+from jaxmodel.calibrate.reweighting import reweighted
 from jaxmodel.calibrate.rigid import checked_motions
 from jaxmodel.calibrate.tsai_lenz import solve_tsai_lenz
 from jaxmodel.calibrate.verdict import plainly_solved
@@ -47,8 +49,8 @@ class Calibration(eqx.Module):
 
     ``scale`` times A's translations is in the unit of B's (1 unless it was unknown, NaN where it is not determined).
     ``rotation_residuals`` (rad) and ``translation_residuals`` (unit of B) are those of AX - XB, one for each motion.
-    Where ``outcome`` is not SOLVED, X is one of the answers that ``observability`` describes, the translation without
-    its free part.
+    ``weights`` are those that the motions were given times those of a robust loss. Where ``outcome`` is not SOLVED, X
+    is one of the answers that ``observability`` describes, the translation without its free part.
     """
 
     X: Float[np.ndarray, "4 4"]
@@ -58,6 +60,7 @@ class Calibration(eqx.Module):
     steps: int
     rotation_residuals: Float[np.ndarray, " n"]
     translation_residuals: Float[np.ndarray, " n"]
+    weights: Float[np.ndarray, " n"]
     observability: Observability
 
     @property
@@ -77,6 +80,7 @@ class Calibrations(eqx.Module):
     steps: Int[np.ndarray, " b"]
     rotation_residuals: Float[np.ndarray, "b n"]
     translation_residuals: Float[np.ndarray, "b n"]
+    weights: Float[np.ndarray, "b n"]
 
 
 def solve(
@@ -85,14 +89,16 @@ def solve(
     method: str = "linear",
     unknown_scale: bool = False,
     weights: Float[np.ndarray, " k"] | None = None,
+    loss: str = "none",
 ) -> Calibration:
     """X of ``A_i X = X B_i`` from motions A, B ``(n, 4, 4)``, float64; each is a motion in its own moving frame.
 
     ``unknown_scale``: A's translations are known up to one common factor (eq. 4.1), which is found too. Methods:
     ``linear`` (RR-3507 ch. 3), ``linear_one_step`` (eq. 3.12), ``tsai_lenz``, ``dual_quaternion``, ``park``,
-    ``quaternion``, ``nonlinear`` (noise in A; ``nonlinear_b``: in B) and ``quaternion_penalty`` (§2.2.3). From absolute
-    poses prefer ``calibrate_poses``. Raises :class:`InputError` naming the row and its defect. One motion, or motions
-    that leave something undetermined, give a partial answer with its verdict.
+    ``quaternion``, ``nonlinear`` (noise in A; ``nonlinear_b``: in B) and ``quaternion_penalty`` (§2.2.3). Any of them
+    takes ``weights`` (inverse variances up to a factor) and a robust ``loss``, which weighs each motion by its
+    residuals. From absolute poses prefer ``calibrate_poses``. Raises :class:`InputError` naming the row and its defect.
+    One motion, or motions that leave something undetermined, give a partial answer with its verdict.
     """
     A, B = checked_motions(A, "A"), checked_motions(B, "B")
     if len(A) != len(B):
@@ -103,9 +109,11 @@ def solve(
     if weights.shape != (len(A),) or not np.isfinite(weights).all() or (weights < 0).any() or not weights.any():
         raise InputError(f"weights must be {len(A)} finite numbers >= 0, not all of them 0.")
     _check_method(method, unknown_scale)
+    kind = checked_loss(loss)
     length = size_class(len(A), smallest=16)
     solved = _run(pad_rows(A, length)[None], pad_rows(B, length)[None], pad_rows(weights, length)[None], method,
-                  unknown_scale)  # fmt: skip
+                  unknown_scale, kind)  # fmt: skip
+    weights = np.asarray(solved.weight[0, : len(A)])
     used = weights > 0
     row = _row(solved, 0, np.flatnonzero(used))
     X, scale, verdict, replaced = conclude(A[used], B[used], weights[used], row, unknown_scale)
@@ -113,7 +121,7 @@ def solve(
     outcome = verdict.outcome
     if outcome is Outcome.SOLVED and not replaced and not bool(solved.estimate.converged[0]):
         outcome = Outcome.NOT_CONVERGED
-    return Calibration(X, scale, outcome, method, int(solved.estimate.steps[0]), angle, distance, verdict)
+    return Calibration(X, scale, outcome, method, int(solved.estimate.steps[0]), angle, distance, weights, verdict)
 
 
 def solve_many(
@@ -124,6 +132,7 @@ def solve_many(
     unknown_scale: bool = False,
     weights: Float[np.ndarray, "b n"] | None = None,
     verdict: bool = True,
+    loss: str = "none",
 ) -> Calibrations:
     """``solve`` for a batch of problems ``(batch, n, 4, 4)``; ``mask`` says which motions of each are there.
 
@@ -135,6 +144,7 @@ def solve_many(
         raise InputError(f"A and B must both be (batch, n, 4, 4), not {A.shape} and {B.shape}.")
     batch, n = A.shape[:2]
     _check_method(method, unknown_scale)
+    kind = checked_loss(loss)
     weights = np.ones((batch, n)) if weights is None else np.asarray(weights, np.float64)
     mask = np.ones((batch, n), bool) if mask is None else np.asarray(mask, bool)
     if mask.shape != (batch, n) or weights.shape != (batch, n):
@@ -143,8 +153,9 @@ def solve_many(
     if batch == 0 or n == 0:
         empty = np.full((batch, n), np.nan)
         X, none = np.full((batch, 4, 4), np.nan), np.full(batch, int(Outcome.NO_MOTION))
-        return Calibrations(X, np.full(batch, np.nan), none, method, np.zeros(batch, int), empty, empty)
-    solved = _run(A, B, weights, method, unknown_scale)
+        return Calibrations(X, np.full(batch, np.nan), none, method, np.zeros(batch, int), empty, empty, weights)
+    solved = _run(A, B, weights, method, unknown_scale, kind)
+    weights = np.asarray(solved.weight)
     estimate = solved.estimate
     X = se3.compose(estimate.R, estimate.t)
     scale, steps = np.array(estimate.scale), np.asarray(estimate.steps, int)
@@ -170,26 +181,30 @@ def solve_many(
     for rows, value in ((bad, Outcome.NOT_FINITE), (none, Outcome.NO_MOTION)):
         X[rows], scale[rows], outcome[rows] = np.nan, np.nan, int(value)
         angle[rows], distance[rows] = np.nan, np.nan
-    return Calibrations(X, scale, outcome, method, steps, angle, distance)
+    return Calibrations(X, scale, outcome, method, steps, angle, distance, weights)
 
 
-def _run(A: np.ndarray, B: np.ndarray, weights: np.ndarray, method: str, unknown_scale: bool) -> Any:
+def _run(A: np.ndarray, B: np.ndarray, weights: np.ndarray, method: str, unknown_scale: bool, loss: Loss) -> Any:
     with jax.enable_x64(True):
-        return jax.tree.map(np.asarray, _kernel(method, unknown_scale)(A, B, weights))
+        return jax.tree.map(np.asarray, _kernel(method, unknown_scale, loss)(A, B, weights))
+
+
+def _kernel(method: str, unknown_scale: bool, loss: Loss = "none") -> Any:
+    return _compiled(method, unknown_scale, loss)
 
 
 @lru_cache
-def _kernel(method: str, unknown_scale: bool) -> Callable[..., Solved]:
+def _compiled(method: str, unknown_scale: bool, loss: Loss) -> Any:
     def one(A: jax.Array, B: jax.Array, weight: jax.Array) -> Solved:
         pairs, sound = make_pairs(A, B, weight)
-        estimate = METHODS[method](pairs, unknown_scale)
+        estimate, pairs = reweighted(lambda weighted: METHODS[method](weighted, unknown_scale), pairs, loss)
         angle, distance = residuals(pairs, estimate)
         sums = pair_sums(pairs)
         eye = jnp.eye(3, dtype=weight.dtype)
         scatter = [
             jnp.einsum("n,nji,njk->ik", pairs.weight, excess, excess) for excess in (pairs.R_A - eye, pairs.R_B - eye)
         ]
-        return Solved(estimate, angle, distance, sums.rotation, scatter[0], scatter[1], sound)
+        return Solved(estimate, angle, distance, pairs.weight, sums.rotation, scatter[0], scatter[1], sound)
 
     return jax.jit(jax.vmap(one))
 

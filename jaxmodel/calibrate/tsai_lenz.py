@@ -16,12 +16,14 @@ from jaxmodel.geometry.polar import skew
 from jaxmodel.geometry.rigid_fit import rotation_from_quaternion
 
 TURN_ABOVE = 2.6  # rad, about 150 degrees: from here on the tangent of half the angle magnifies noise 4 times and more
+TINY = 1e-100
 
 
-def solve_tsai_lenz(pairs: Pairs, unknown_scale: bool = False) -> Estimate:
+def solve_tsai_lenz(pairs: Pairs, unknown_scale: bool = False, unit_axes: bool = False) -> Estimate:
     """Rotation from ``As(n_A + n_B) n = n_B - n_A`` (eq. 2.1 for X, ERRATA), translation by least squares.
 
-    ``n_A``, ``n_B`` are ``2 sin(angle / 2)`` times the axes, signs by the linear solution.
+    ``n_A``, ``n_B`` are ``2 sin(angle / 2)`` times the axes, signs by the linear solution. ``unit_axes`` takes the axes
+    alone, as RR-3507 prints it: the axis of the smallest motion, mostly noise, then counts as much as any.
     """
     sums = pair_sums(pairs)
     R_linear = linear_rotation(sums)
@@ -29,7 +31,10 @@ def solve_tsai_lenz(pairs: Pairs, unknown_scale: bool = False) -> Estimate:
     R_first = jnp.where(turned, R_linear, jnp.eye(3, dtype=R_linear.dtype))
     q_A = quaternions(pairs.R_A)
     q_B = align_signs(q_A, quaternions(pairs.R_B), R_linear)
-    R = _rotation_between(2 * q_A[:, 1:], 2 * q_B[:, 1:] @ R_first.T, pairs.weight) @ R_first
+    n_A, n_B = 2 * q_A[:, 1:], 2 * q_B[:, 1:]
+    if unit_axes:
+        n_A, n_B = (n / jnp.maximum(jnp.linalg.norm(n, axis=1, keepdims=True), TINY) for n in (n_A, n_B))
+    R = _rotation_between(n_A, n_B @ R_first.T, pairs.weight) @ R_first
     return linear_translation(sums, R, unknown_scale)
 
 

@@ -32,7 +32,9 @@ class SceneMotions:
     """Poses of the camera in the scene's own frame and unit.
 
     ``T_scene_camera (n, 4, 4)``: NaN for images that were not ``registered``; the camera moves by
-    ``A = T_scene_camera[j]^-1 T_scene_camera[i]``. ``reprojection_px``: mean distance between the points seen and
+    ``A = T_scene_camera[j]^-1 T_scene_camera[i]``. The scene's origin is in the middle of its points: an image knows
+    where that is better than where the camera itself is, whose place errs with its rotation, and ``joint`` takes the
+    errors of both for independent. ``reprojection_px``: mean distance between the points seen and
     those of the reconstruction, after distortion is taken out; ``points``: how many points it has.
     """
 
@@ -48,7 +50,7 @@ def scene_motions(images: Sequence[Path], camera: Camera, features: int = 2000) 
 
     The scene must be rigid, textured, and not be one plane seen by turning the camera about its centre: translations
     need parallax. About ``features`` points an image are used. Same images, same answer: seeds are fixed. Raises
-    :class:`InputError` for an unreadable image, one whose size is not the camera's, fewer than two images or absent
+    :class:`InputError` for an unreadable image, one whose size is not the camera's, fewer than three images or absent
     pycolmap; :class:`RunError` where no two images can be related.
     """
     pycolmap = _pycolmap()
@@ -91,8 +93,10 @@ def reconstruct(
     ``matches[i, j]`` pairs rows of ``pixels[i]`` and ``pixels[j]``, i < j.
     """
     if len(pixels) < 2:
-        raise InputError(f"{len(pixels)} image gives no motion; at least 2 are needed, 3 for a hand-eye calibration.")
+        raise InputError(f"{len(pixels)} image gives no motion; at least 3 are needed.")
     pycolmap = _pycolmap()
+    if len(pixels) < 3:
+        raise InputError("2 images of an unknown scene are too few: a point counts once a third image agrees on it.")
     with _quiet(pycolmap):
         models = _map(pycolmap, [_ideal(camera, one) for one in pixels], matches, camera)
     if not models:
@@ -101,11 +105,13 @@ def reconstruct(
             "that overlap and are apart."
         )
     model = max(models, key=lambda one: (one.num_reg_images(), one.num_points3D()))
+    middle = np.median([point.xyz for point in model.points3D.values()], axis=0)
     poses = np.full((len(pixels), 4, 4), np.nan)
     for number, image in model.images.items():
         if image.has_pose:
             matrix = np.asarray(image.cam_from_world().matrix(), np.float64)
             poses[number - 1] = se3.inverse(se3.compose(matrix[:, :3], matrix[:, 3]))
+    poses[:, :3, 3] -= middle
     error = float(model.compute_mean_reprojection_error())
     registered = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
     return SceneMotions(poses, registered, error, int(model.num_points3D()), camera)

@@ -5,7 +5,7 @@
 
 import functools
 import operator
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import jax
 import jax.numpy as jnp
@@ -34,8 +34,17 @@ def apply(a: Float[jax.Array, "i k ..."], v: Float[jax.Array, "k ..."]) -> Float
 
 def sum_of_krons(a: Float[jax.Array, "3 3 n b"], b: Float[jax.Array, "3 3 n b"]) -> Float[jax.Array, "9 9 b"]:
     """Sum over n of Kronecker products."""
-    n = a.shape[2]
-    return _sum(a[:, None, :, None, i] * b[None, :, None, :, i] for i in range(n)).reshape(9, 9, -1)
+    return _sum_over(lambda x, y: x[:, None, :, None] * y[None, :, None, :], a, b).reshape(9, 9, -1)
+
+
+def sum_of_products(a: Float[jax.Array, "*i n b"], b: Float[jax.Array, "j n b"]) -> Float[jax.Array, "*i j b"]:
+    """Sum over n of outer products."""
+    return _sum_over(lambda x, y: x[..., None, :] * y, a, b)
+
+
+def sum_of_squares(a: Float[jax.Array, "i j n b"], w: Float[jax.Array, "n b"]) -> Float[jax.Array, "j j b"]:
+    """Sum over n of ``w a^T a``."""
+    return _sum_over(lambda x, y: matmul(transposed(y), x), a, w * a)
 
 
 def kron(a: Float[jax.Array, "3 3 ..."], b: Float[jax.Array, "3 3 ..."]) -> Float[jax.Array, "9 9 ..."]:
@@ -122,6 +131,29 @@ def solve_symmetric(matrix: Float[jax.Array, "3 3 b"], right: Float[jax.Array, "
     return apply(cofactors, right) / jnp.sum(matrix[0] * cofactors[0], axis=0)
 
 
+def solve_positive(
+    matrix: Float[jax.Array, "m m b"], right: Float[jax.Array, "m b"], rounding: float = 1e-12
+) -> Float[jax.Array, "m b"]:
+    """Solution of symmetric positive semi-definite systems by scaled elimination.
+
+    An unknown whose pivot is not above ``rounding`` of its own diagonal entry is left at zero.
+    """
+    size = len(right)
+    diagonal = jnp.stack([matrix[k, k] for k in range(size)])
+    scale = jnp.where(diagonal > 0, jax.lax.rsqrt(jnp.where(diagonal > 0, diagonal, 1.0)), 0.0)
+    augmented = jnp.concatenate([matrix * scale[:, None] * scale[None], (right * scale)[:, None]], axis=1)
+    place = jnp.arange(size)[:, None, None]
+
+    def step(k: jax.Array, rows: jax.Array) -> jax.Array:
+        row, column = jnp.take(rows, k, axis=0), jnp.take(rows, k, axis=1)
+        pivot = jnp.take(row, k, axis=0)
+        known = pivot > rounding
+        reduced = jnp.where(known, row / jnp.where(known, pivot, 1.0), 0.0)
+        return jnp.where(place == k, reduced[None], rows - column[:, None] * reduced[None])
+
+    return jax.lax.fori_loop(0, size, step, augmented)[:, -1] * scale
+
+
 def smallest_eigenvector(matrix: Float[jax.Array, "m m b"]) -> Float[jax.Array, "m b"]:
     """Unit eigenvector of the smallest eigenvalue of positive semi-definite matrices.
 
@@ -153,6 +185,15 @@ def smallest_eigenvector(matrix: Float[jax.Array, "m m b"]) -> Float[jax.Array, 
 
     infinite = jnp.asarray(jnp.inf, matrix.dtype)
     return jax.lax.while_loop(moving, again, (jnp.zeros((), jnp.int32), start, infinite))[1]
+
+
+def _sum_over(term: Callable[..., jax.Array], *arrays: jax.Array) -> jax.Array:
+    """Sum over the last axis but one: a loop, which compiles faster than its terms written out and is as fast."""
+
+    def at(i: jax.Array | int) -> jax.Array:
+        return term(*(jax.lax.dynamic_index_in_dim(a, i, a.ndim - 2, keepdims=False) for a in arrays))
+
+    return jax.lax.fori_loop(1, arrays[0].shape[-2], lambda i, total: total + at(i), at(0))
 
 
 def _sum(terms: Iterable[jax.Array]) -> jax.Array:

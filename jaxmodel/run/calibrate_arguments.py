@@ -41,8 +41,11 @@ class Calibrate:
     scales: Literal["one", "per-group", "per-motion"] | None = None
     """With --unknown-scale: one scale for all (the default), one for each value of the column 'group', or one for each
     motion from a pose to the next."""
-    noise: Literal["camera", "hand"] = "camera"
-    """Which stream carries the noise, for joint."""
+    noise: Literal["auto", "camera", "depth", "hand"] = "auto"
+    """Which stream carries the noise, for joint; depth: the camera, with another error along its line of sight than
+    across it; auto: camera or depth, as the residuals say."""
+    loss: Literal["none", "huber", "tukey"] = "none"
+    """Robust loss of every method: poses that contradict the others are weighed down instead of left out."""
     angle: Literal["deg", "rad"] | None = None
     """Unit of the files' angles. Asked for where a file leaves it open."""
     length: Literal["m", "mm"] | None = None
@@ -66,7 +69,8 @@ class Calibrate:
     most_poses: int = 60
     """Of a longer recording, so many evenly spread poses are used."""
     images: Path | None = None
-    """Folder of pictures of a target, one for each pose of the hand, in place of the camera's poses."""
+    """Folder of pictures of a target, one for each pose of the hand, in place of the camera's poses. With
+    --unknown-scale --setup moving-frames and without --target: of any textured scene."""
     camera: Path | None = None
     """With --images: the camera's intrinsics (OpenCV, ROS, ViSP or JSON). Without, they are estimated."""
     target: str | None = None

@@ -42,6 +42,7 @@ def _tree(command: arguments.Calibrate) -> dict[str, Any]:
         "method": command.method,
         "scales": (command.scales or "one") if command.unknown_scale else "known",
         "noise": command.noise,
+        "loss": command.loss,
         "forms": {
             "hand": {name: getattr(command, name) for name in ("angle", "length", "rotation", "quaternion")},
             "camera": {
@@ -59,8 +60,9 @@ def _tree(command: arguments.Calibrate) -> dict[str, Any]:
 
 
 def _images(command: arguments.Calibrate) -> dict[str, Any]:
-    if command.target is None:
-        raise InputError("--images needs --target, for example chessboard:9x6:0.025 (inner corners, square in metres)")
+    if command.target is None and not command.unknown_scale:
+        raise InputError("--images needs --target, for example chessboard:9x6:0.025 (inner corners, square in metres); "
+                         "without one, --unknown-scale, --setup moving-frames and --camera")  # fmt: skip
     return {"folder": _path(command.images), "target": command.target, "camera": _path(command.camera)}
 
 

@@ -6,17 +6,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from jaxmodel.calibrate.joint import Noise
 from jaxmodel.calibrate.motions import MotionPairs, Setup, chain, motion_pairs
 from jaxmodel.calibrate.observability import Observability
 from jaxmodel.calibrate.outcome import Outcome
-from jaxmodel.calibrate.outliers import SUBSET, consensus
-from jaxmodel.calibrate.pose_residuals import motion_residuals, pose_residuals
+from jaxmodel.calibrate.outliers import SUBSET, Consensus, consensus
+from jaxmodel.calibrate.pose_residuals import camera_errors, depth_stands_out, motion_residuals, pose_residuals
 from jaxmodel.calibrate.poses import HandEye, calibrate_poses
 from jaxmodel.calibrate.resampling import bootstrap, leave_one_out
 from jaxmodel.calibrate.self_calibration import Scales, SelfCalibration, self_calibrate
 from jaxmodel.calibrate.solve import KNOWN_SCALE_ONLY, METHODS
+from jaxmodel.calibrate.trust import FEWEST, Finding, Trust, other_scale, trust
 from jaxmodel.geometry import se3
 from jaxmodel.run.calibration_config import Config
+from jaxmodel.run.calibration_reason import reason_for
 from jaxmodel.run.paired_poses import PairedPoses
 
 ALL_POSES = "joint, all poses"
@@ -47,6 +50,7 @@ class Answer:
     covariance: Float[np.ndarray, "6 6"] | None = None
     freedom: float = float("nan")
     influence: Float[np.ndarray, " n"] | None = None
+    weights: Float[np.ndarray, " n"] | None = None
     steps: int = 0
 
 
@@ -57,6 +61,8 @@ class Answers:
     ``kept`` are the poses that were used, ``outlier`` those that contradict the others, ``score`` their normalised
     squared residuals (NaN where not looked for);
     ``left_out`` the change of X (rotation vector, translation) when a pose of ``kept`` is left out, NaN elsewhere.
+    ``trust`` widens the covariance of ``joint`` by what the data show beyond its ``noise``; ``findings`` are its own,
+    or, with too few poses for it, another scale of the camera's lengths.
     """
 
     setup: Setup
@@ -69,6 +75,14 @@ class Answers:
     score: Float[np.ndarray, " n"]
     left_out: Float[np.ndarray, "n 6"]
     bootstrap: Float[np.ndarray, "6 6"] | None
+    trust: Trust | None = None
+    findings: tuple[Finding, ...] = ()
+    noise: Noise = "camera"
+
+    @property
+    def covariance(self) -> Float[np.ndarray, "6 6"] | None:
+        """That of the recommended answer, as it is to be stated."""
+        return self.recommended.covariance if self.trust is None else self.trust.covariance
 
 
 def find_answers(config: Config, poses: PairedPoses, done: Callable[[str], None]) -> Answers:
@@ -81,85 +95,91 @@ def find_answers(config: Config, poses: PairedPoses, done: Callable[[str], None]
     n = len(poses.hand)
     kept, outlier, score = np.ones(n, bool), np.zeros(n, bool), np.full(n, np.nan)
     names = ["joint", *METHODS] if config.method == "all" else [config.method]
-    answers, whole = [], None
+    noise: Noise = "camera" if config.noise == "auto" else config.noise
+    every, answers = np.ones(n, bool), []
     if "joint" in names:
-        found = _calibrate("joint", config, poses, setup, kept)
-        whole = _answer("joint", found, poses, motions, kept)
+        first = _calibrate("joint", config, poses, setup, every, noise)
         done("joint")
-        if whole.outcome.usable and n >= FEWEST_TO_NAME:
-            metric = _metric(poses.camera, float(whole.scale[0]))
-            outlier, score = _contradicting(config, poses.hand, metric, setup)
-            if not config.keep_outliers and outlier.mean() <= MOST_OUTLIERS:
+        if first.outcome.usable and n >= FEWEST_TO_NAME:
+            metric = _metric(poses.camera, first.scale)
+            agreed = _agreement(config, poses.hand, metric, setup, noise)
+            if agreed is not None:
+                outlier, score = ~agreed.inlier, agreed.score
+                if config.noise == "auto" and np.count_nonzero(agreed.inlier) >= FEWEST:
+                    noise = _noise_seen(poses.hand, metric, setup, agreed)
+            if not config.keep_outliers and config.loss == "none" and outlier.mean() <= MOST_OUTLIERS:
                 kept = ~outlier
             done("outliers")
+    solved: list[HandEye] = []
     for name in names:
         if unknown and name in KNOWN_SCALE_ONLY:
             continue
-        if name == "joint" and whole is not None and kept.all():
-            answers.append(whole)
-            continue
-        answers.append(_answer(name, _calibrate(name, config, poses, setup, kept), poses, motions, kept))
+        solved.append(_calibrate(name, config, poses, setup, kept, noise))
+        answers.append(_answer(name, solved[-1], poses, motions, kept))
         done(name)
-    if whole is not None and not kept.all():
-        answers.insert(1, replace(whole, method=ALL_POSES))
+    if not kept.all():
+        answers.insert(
+            1, _answer(ALL_POSES, _calibrate("joint", config, poses, setup, every, noise), poses, motions, every)
+        )
     if unknown and config.method == "all":
         between = kept[motions.index].all(axis=1)
         found = self_calibrate(motions.A[between], motions.B[between])
         answers.append(_self_answer("self_calibration", found, setup, motions))
         done("self_calibration")
     chosen = answers[0]
-    left_out, spread = np.full((n, 6), np.nan), None
+    left_out, spread, looked, findings = np.full((n, 6), np.nan), None, None, ()
     rows = np.flatnonzero(kept)
     if chosen.outcome.usable and len(rows) >= 5:
-        hand, camera = poses.hand[rows], _metric(poses.camera[rows], float(chosen.scale[0]))
-        left_out[rows] = leave_one_out(hand, camera, setup, chosen.method, config.noise).differences()
+        import jax
+
+        key, hand, camera = jax.random.key(config.seed), poses.hand[rows], poses.camera[rows]
+        metric = _metric(camera, float(chosen.scale[0]))
+        options = setup, chosen.method, noise, solved[0].weights
+        left_out[rows] = leave_one_out(hand, metric, *options).differences()
         done("leave one out")
         if config.bootstrap:
-            import jax
-
-            key = jax.random.key(config.seed)
-            replicas = bootstrap(hand, camera, key, config.bootstrap, setup, chosen.method, config.noise)
-            spread = replicas.covariance
+            spread = bootstrap(hand, metric, key, config.bootstrap, *options).covariance
             done("bootstrap")
-    return Answers(
-        setup, motions, answers, chosen, _reason(chosen, config, kept), kept, outlier, score, left_out, spread
+        if chosen.covariance is not None and len(rows) >= FEWEST:
+            looked = trust(hand, camera, solved[0], key, noise, unknown, config.loss)
+            findings = looked.findings
+            done("trust")
+        elif chosen.covariance is not None and not unknown:
+            findings = tuple(other_scale(hand, camera, solved[0], noise, loss=config.loss))
+    found = Answers(
+        setup, motions, answers, chosen, "", kept, outlier, score, left_out, spread, looked, findings, noise
     )
+    return replace(found, reason=reason_for(found, config))
 
 
-def _calibrate(method: str, config: Config, poses: PairedPoses, setup: Setup, kept: np.ndarray) -> HandEye:
+def _calibrate(
+    method: str, config: Config, poses: PairedPoses, setup: Setup, kept: np.ndarray, noise: Noise
+) -> HandEye:
     unknown = config.scales == "one"
     hand, camera = poses.hand[kept], poses.camera[kept]
-    return calibrate_poses(hand, camera, setup, method, unknown_scale=unknown, noise=config.noise)
+    return calibrate_poses(hand, camera, setup, method, unknown_scale=unknown, noise=noise, loss=config.loss)
 
 
-def _contradicting(
-    config: Config, hand: np.ndarray, camera: np.ndarray, setup: Setup
-) -> tuple[Bool[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """The poses that contradict the others, and each pose's score; the camera's lengths are metric."""
+def _agreement(config: Config, hand: np.ndarray, camera: np.ndarray, setup: Setup, noise: Noise) -> Consensus | None:
+    """Which poses agree, the camera's lengths being metric; nothing where those that do leave something open."""
     import jax
 
-    found = consensus(hand, camera, jax.random.key(config.seed), setup, noise=config.noise)
-    if not found.calibration.outcome.usable:
-        return np.zeros(len(hand), bool), found.score
-    return ~found.inlier, found.score
+    found = consensus(hand, camera, jax.random.key(config.seed), setup, noise=noise)
+    return found if found.calibration.outcome.usable else None
 
 
-def _reason(answer: Answer, config: Config, kept: np.ndarray) -> str:
-    if not answer.outcome.usable:
-        return f"no method determines more: {answer.outcome.sentence}"
-    if config.method not in ("all", "joint"):
-        return f"{answer.method} is the only method that was asked for"
-    words = "it uses each absolute pose once, where pairs of poses count it many times, and knows its own covariance"
-    wrong = len(kept) - int(kept.sum())
-    return words if not wrong else f"{words}; {wrong} of {len(kept)} poses contradict the others and are left out"
+def _noise_seen(hand: np.ndarray, camera: np.ndarray, setup: Setup, agreed: Consensus) -> Noise:
+    """Whether the camera's error along its line of sight is another than across it."""
+    streams = chain(hand[agreed.inlier], camera[agreed.inlier], setup)
+    errors = camera_errors(streams, agreed.calibration.X, agreed.calibration.Z)
+    return "depth" if depth_stands_out(errors) else "camera"
 
 
 def _answer(name: str, found: HandEye, poses: PairedPoses, motions: MotionPairs, kept: np.ndarray) -> Answer:
     """An answer found from the poses ``kept``, measured on all of them."""
-    influence = None
-    if found.influence is not None:
-        influence = np.full(len(kept), np.nan)
-        influence[kept] = found.influence
+    influence, weights = (
+        None if values is None else _spread_out(values, kept) for values in (found.influence, found.weights)
+    )
     scale = 1.0 if np.isnan(found.scale) else found.scale
     return Answer(
         name,
@@ -167,14 +187,21 @@ def _answer(name: str, found: HandEye, poses: PairedPoses, motions: MotionPairs,
         found.outcome,
         found.observability,
         np.array([found.scale]),
-        np.array([np.nan]),
+        np.array([found.scale_deviation]),
         *motion_residuals(motions, found.X, scale),
         *pose_residuals(poses.hand, poses.camera, found.setup, found.X, found.Z, scale),
         found.covariance,
         found.freedom,
         influence,
+        weights,
         found.steps,
     )
+
+
+def _spread_out(values: Float[np.ndarray, " k"], kept: Bool[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    result = np.full(len(kept), np.nan)
+    result[kept] = values
+    return result
 
 
 def _metric(camera: Float[np.ndarray, "n 4 4"], scale: float) -> Float[np.ndarray, "n 4 4"]:

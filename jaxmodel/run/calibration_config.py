@@ -3,10 +3,11 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
-from jaxmodel.calibrate.joint import Noise
+from jaxmodel.calibrate.loss import Loss
 from jaxmodel.io.pose_values import Forms
 
 SetupName = Literal["eye-in-hand", "eye-to-hand", "moving-frames"]
+NoiseName = Literal["auto", "camera", "depth", "hand"]
 ScalesName = Literal["known", "one", "per-group", "per-motion"]
 MethodName = Literal[
     "all", "joint", "linear", "linear_one_step", "tsai_lenz", "dual_quaternion", "park", "quaternion", "nonlinear",
@@ -16,15 +17,16 @@ MethodName = Literal[
 
 @dataclass(frozen=True)
 class Images:
-    """Pictures of a target instead of the camera's poses.
+    """Pictures of a target, or without ``target`` of any scene, instead of the camera's poses.
 
     ``target``: ``chessboard:9x6:0.025`` (inner corners, square in metres), ``charuco:5x7:0.04:0.03:DICT_4X4_50``
     (squares, square, marker, dictionary) or ``apriltag:6x6:0.114:0.088:APRILTAG_36H11`` (tags, from one to the next,
-    side of a tag, dictionary). ``camera``: a file of intrinsics; without one they are estimated from the pictures.
+    side of a tag, dictionary). ``camera``: a file of intrinsics; without one they are estimated from the pictures of a
+    target.
     """
 
     folder: str
-    target: str
+    target: str | None = None
     camera: str | None = None
 
 
@@ -34,8 +36,9 @@ class Config:
 
     ``poses`` holds both streams, or the hand's alone where ``camera_poses`` or ``images`` give the camera's. At most
     ``most_poses``, evenly spread, are used: more of a recording say little more. ``noise`` names the stream that
-    carries it. ``keep_outliers`` names the poses that contradict the others, but uses them. ``bootstrap``: draws of a
-    second covariance.
+    carries it; ``auto``: the camera, its error along the line of sight apart where it differs. A robust ``loss`` weighs
+    poses down by their residuals instead of leaving them out. ``keep_outliers`` names the poses that contradict the
+    others, but uses them. ``bootstrap``: draws of a second covariance.
     """
 
     poses: str
@@ -45,7 +48,8 @@ class Config:
     setup: SetupName = "eye-in-hand"
     method: MethodName = "all"
     scales: ScalesName = "known"
-    noise: Noise = "camera"
+    noise: NoiseName = "auto"
+    loss: Loss = "none"
     forms: Forms = field(default_factory=Forms)
     time_offset: Literal["auto"] | float | None = None
     largest_offset_s: float = 1.0
@@ -70,3 +74,5 @@ class Config:
             raise ValueError("the method quaternion_penalty knows no unknown scale")
         if self.scales in ("per-group", "per-motion") and self.method != "all":
             raise ValueError(f"scales {self.scales} have a method of their own, expected method: all")
+        if self.scales in ("per-group", "per-motion") and self.loss != "none":
+            raise ValueError(f"scales {self.scales} know no robust loss, expected loss: none")

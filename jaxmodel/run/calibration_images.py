@@ -56,9 +56,10 @@ def poses_of_images(hand: PoseStream, images: Images) -> PairedPoses:
     A picture belongs to the pose that names it (a column ``image``, or the number at the end of both names), else to
     the pose of the same place in the order of their names.
     """
+    assert images.target is not None
     target = parse_target(images.target)
-    files = _pictures(Path(images.folder))
-    chosen = _matched(hand, files, Path(images.folder))
+    files = pictures(Path(images.folder))
+    chosen = matched(hand, files, Path(images.folder))
     from jaxmodel.calibrate.images import target_poses
 
     camera = None
@@ -71,9 +72,18 @@ def poses_of_images(hand: PoseStream, images: Images) -> PairedPoses:
     if len(seen) < 2:
         raise InputError(f"{images.folder}: the target {images.target} is found in {len(seen)} of {len(chosen)} "
                          "pictures; at least 2 are needed")  # fmt: skip
-    lost = [file.name for file, there in zip(chosen, found.found, strict=True) if not there]
-    notes = [f"the target is not found in {', '.join(lost)}"] if lost else []
-    doubtful = [file.name for file, twofold in zip(chosen, found.ambiguous, strict=True) if twofold]
+    notes = []
+    lost = _named(chosen, ~found.found & ~found.misread)
+    if lost:
+        notes.append(f"the target is not found in {', '.join(lost)}")
+    misread = _named(chosen, found.misread)
+    if misread:
+        notes.append(f"the corners found in {', '.join(misread)} are in an order or at places that no view of the "
+                     "target has; left out")  # fmt: skip
+    stray = [f"{found.dropped[k]} in {chosen[k].name}" for k in np.flatnonzero(found.dropped)]
+    if stray:
+        notes.append(f"corners far from where all the others put them are left out: {', '.join(stray)}")
+    doubtful = _named(chosen, found.ambiguous)
     if doubtful:
         notes.append(f"the target is too small or far to tell its pose from the mirrored one in {', '.join(doubtful)}")
     pixels = float(np.sqrt(np.mean(found.reprojection_px[seen] ** 2)))
@@ -90,20 +100,32 @@ def poses_of_images(hand: PoseStream, images: Images) -> PairedPoses:
     return whole.rows(seen)
 
 
-def _pictures(folder: Path) -> list[Path]:
+def _named(files: list[Path], which: np.ndarray) -> list[str]:
+    return [files[k].name for k in np.flatnonzero(which)]
+
+
+def pictures(folder: Path) -> list[Path]:
+    """The folder's pictures, numbers in their names in order: img2 before img10."""
     if not folder.is_dir():
         raise InputError(f"There is no folder of images {folder}")
-    files = sorted((f for f in folder.iterdir() if f.suffix.lower() in PICTURES), key=natural)
+    files = sorted((f for f in folder.iterdir() if f.suffix.lower() in PICTURES), key=_by_numbers)
     if not files:
         raise InputError(f"{folder}: holds no pictures ({', '.join(PICTURES)})")
     return files
 
 
-def _matched(hand: PoseStream, files: list[Path], folder: Path) -> list[Path]:
-    """The picture of each hand pose."""
+def _by_numbers(path: Path) -> list[tuple[bool, int, str]]:
+    """Sorts names part by part, numbers by their value."""
+    parts = re.split(r"(\d+)", path.stem)
+    return [(part.isdigit(), int(part) if part.isdigit() else 0, part) for part in parts]
+
+
+def matched(hand: PoseStream, files: list[Path], folder: Path) -> list[Path]:
+    """The picture of each hand pose: the one it names, by name or by the number at the end, else that of its place."""
     if hand.images is not None:
         keys = {file.name: file for file in files} | {file.stem: file for file in files}
-        numbers = {natural(file)[1]: file for file in files if natural(file)[1] >= 0}
+        ends = [natural(file)[1] for file in files]
+        numbers = {end: file for end, file in zip(ends, files, strict=True) if end >= 0 and ends.count(end) == 1}
         chosen = []
         for name in hand.images:
             file = keys.get(name) or keys.get(Path(name).name) or numbers.get(natural(Path(name))[1])

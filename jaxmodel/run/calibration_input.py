@@ -12,6 +12,7 @@ from jaxmodel.io.pose_files import read_both, read_single
 from jaxmodel.io.pose_values import Forms, PoseStream
 from jaxmodel.run.calibration_config import Config
 from jaxmodel.run.calibration_images import poses_of_images
+from jaxmodel.run.calibration_scene import poses_of_scene
 from jaxmodel.run.paired_poses import PairedPoses
 
 
@@ -21,7 +22,14 @@ def load_poses(config: Config) -> PairedPoses:
     if config.scales != "known":  # lengths of any unit: nothing to ask about
         forms = Forms(forms.hand, replace(forms.camera, length=forms.camera.length or "m"))
     path = Path(config.poses)
-    if config.images is not None:
+    if config.images is not None and config.images.target is None:
+        if config.setup != "moving-frames" or config.scales == "known":
+            raise InputError(
+                f"{config.images.folder}: without a target the pictures give the camera's own poses in an unknown "
+                "unit: expected --setup moving-frames and --unknown-scale, or a --target"
+            )
+        paired = poses_of_scene(read_single(path, "hand", forms), config.images)
+    elif config.images is not None:
         if config.setup == "moving-frames":
             raise InputError("setup is moving-frames, but images give T_camera_target: expected eye-in-hand or "
                              "eye-to-hand")  # fmt: skip

@@ -4,9 +4,7 @@ import numpy as np
 
 from jaxmodel.geometry import se3
 from jaxmodel.run.calibration_answers import Answers
-
-DOUBTFUL = 5.0
-"""Methods that lie further apart than so many standard deviations are remarked on."""
+from jaxmodel.run.calibration_reason import finding_sentence
 
 
 def remarks(found: Answers) -> list[str]:
@@ -28,15 +26,4 @@ def remarks(found: Answers) -> list[str]:
             )
     if found.outlier.any() and found.kept.all():
         notes.append(f"{int(found.outlier.sum())} of {len(found.kept)} poses contradict the others, but all are used")
-    covariance = found.recommended.covariance
-    if covariance is not None and found.setup.x_name in found.recommended.transforms:
-        expected = float(np.sqrt(np.trace(covariance[3:, 3:])))
-        X = np.stack([answer.transforms[found.setup.x_name] for answer in found.answers])
-        apart = np.linalg.norm(X[:, :3, 3] - found.recommended.transforms[found.setup.x_name][:3, 3], axis=1)
-        if len(X) > 2 and float(np.median(apart)) > DOUBTFUL * expected:
-            notes.append(
-                f"the methods are {1e3 * np.median(apart):.1f} mm apart (median) where the standard deviation is "
-                f"{1e3 * expected:.1f} mm: the poses have systematic errors, or so much noise that it biases the "
-                "methods on pairs; take the deviation with care"
-            )
-    return notes
+    return notes + [finding_sentence(finding) for finding in found.findings]

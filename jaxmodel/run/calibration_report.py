@@ -113,7 +113,9 @@ def _scale_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     if summary["scales"] == "known":
         return []
     if not isinstance(scale, Mapping):
-        return [("scale", f"{_scale(scale)} times the camera's lengths is metres")]
+        deviation = summary["recommended"].get("scale_deviation")
+        known = "" if deviation is None else f" (standard deviation {_scale(deviation)})"
+        return [("scale", f"{_scale(scale)}{known} times the camera's lengths is metres")]
     shown = [f"{name}: {_scale(one['value'])}" for name, one in list(scale.items())[:_SHOWN]]
     more = f" and {len(scale) - _SHOWN} more, see calibration.json" if len(scale) > _SHOWN else ""
     return [("scales", "; ".join(shown) + more)]

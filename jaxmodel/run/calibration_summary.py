@@ -36,7 +36,8 @@ def summarise(config: Config, poses: PairedPoses, found: Answers) -> dict[str, A
         "poses": len(poses.hand),
         "motions": len(found.motions.A),
         "scales": config.scales,
-        "noise": config.noise,
+        "noise": found.noise,
+        "loss": config.loss,
         "methods": [
             _method(answer, name, angle[position, k], distance[position, k]) for k, answer in enumerate(found.answers)
         ],
@@ -78,30 +79,35 @@ def calibration(config: Config, poses: PairedPoses, found: Answers) -> dict[str,
         **answer.transforms,
         "forms": {name: _forms(T) for name, T in answer.transforms.items()},
         "scale": _scales(config, poses, answer),
+        "scale_deviation": float(answer.scale_deviation[0]) if config.scales == "one" else None,
         "covariance": None,
         "deviation": None,
         "expected_error": None,
         "bootstrap_covariance": found.bootstrap,
         "outliers": [poses.places[k] for k in np.flatnonzero(found.outlier)],
     }
-    if answer.covariance is not None:
-        deviation = np.sqrt(np.diag(answer.covariance))
+    covariance, looked = found.covariance, found.trust
+    if covariance is not None:
+        deviation = np.sqrt(np.diag(covariance))
         tree["covariance"] = {
             "of": name,
             "order": "rotation x y z (rad), translation x y z (m): R <- exp(d) R, t <- t + e",
-            "matrix": answer.covariance,
+            "matrix": covariance,
+            "of_the_noise_alone": answer.covariance,
+            "jackknife": None if looked is None else looked.spread,
+            "widened_by": [] if looked is None else list(dict.fromkeys(one.cause for one in looked.findings)),
             "freedom": answer.freedom,
         }
         tree["deviation"] = {
             "rotation_deg": np.degrees(deviation[:3]),
             "translation_m": deviation[3:],
-            **_weakest(answer.covariance[3:, 3:]),
+            **_weakest(covariance[3:, 3:]),
             "student_95": float(student.ppf((1 + CONFIDENCE) / 2, max(answer.freedom, 1.0))),
         }
         tree["expected_error"] = {
             "working_distance_m": distance,
             "given": config.working_distance is not None,
-            "rms_m": expected_error(answer.covariance, answer.transforms[name], distance, answer.freedom),
+            "rms_m": expected_error(covariance, answer.transforms[name], distance, answer.freedom),
         }
     return tree
 

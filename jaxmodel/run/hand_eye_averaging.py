@@ -12,6 +12,7 @@ from jaxmodel.calibrate import averaging, simulation
 from jaxmodel.calibrate.errors import quaternion_error, quaternion_error_angle_deg
 from jaxmodel.geometry import se3
 from jaxmodel.io.results import RunDir
+from jaxmodel.run import hand_eye_claims as claims
 from jaxmodel.run.hand_eye_protocol import shown, spread
 from jaxmodel.run.hand_eye_report import chosen_table, draw_hand_eye
 from jaxmodel.run.hand_eye_study import Cell, HandEyeStudy, Measured
@@ -21,6 +22,8 @@ from jaxmodel.view.table import Table
 
 REPRESENTATIONS = ("roll_pitch_yaw", "axis_angle", "group")
 LOCATIONS = ("mean", "median", "huber_residuals", "huber_weights")
+SPREAD = 0.6
+"""Standard deviation of the angles of Fig. 3.1 (rad), which has no numbers."""
 CASES = {"near 0": 0.05, "ordinary": 1.0, "near pi": np.pi}
 
 
@@ -35,9 +38,10 @@ class Config:
     estimates: int = 30
     sigma: float = 0.02
     outliers: tuple[float, ...] = (0.0, 0.2)
+    resamples: int = 2000
 
     def __post_init__(self) -> None:
-        for name, least in (("seed", 0), ("draws", 2), ("chunk", 1), ("estimates", 3)):
+        for name, least in (("seed", 0), ("draws", 2), ("chunk", 1), ("estimates", 3), ("resamples", 100)):
             if getattr(self, name) < least:
                 raise ValueError(f"{name} is {getattr(self, name)}, expected {least} or more")
         if not self.sigma > 0 or not self.outliers or not 0 <= min(self.outliers) <= max(self.outliers) < 0.5:
@@ -86,39 +90,85 @@ def _summarise(config: Config, rows: polars.DataFrame, seconds: list[dict[str, A
                 column = of[f"{representation}, {location}: rotation_deg"].to_numpy()
                 means.append({"rotation": case, "outliers": share, "representation": representation,
                               "location": location, "error_deg": spread(column)})  # fmt: skip
-    centred = np.linspace(-0.3, 0.3, 61)  # Fig. 3.1: angles spread about 0
-    wide = np.mod(centred, 2 * np.pi)
+    figure = _figure_3_1(config.seed)
+    errors, angles = quaternion_error_angle_deg(np.array(data["errors"])), np.array(data["angles_deg"], float)
     return {
         "chosen": f"{config.estimates} estimates with errors of {config.sigma:g} rad and length in each coordinate, "
         "outliers 20 times as far off",
-        "angles_of_errors_deg": quaternion_error_angle_deg(np.array(data["errors"])),
-        "errors_of_angles": quaternion_error(np.array(data["angles_deg"], float)),
-        "figure_3_1": {"m": float(np.mean(centred)), "m'": float(np.mean(wide)),
-                       "chosen": averaging.average_angle(wide)},
+        "angles_of_errors_deg": errors,
+        "errors_of_angles": quaternion_error(angles),
+        "figure_3_1": figure,
         "means": means,
-    }  # fmt: skip
+        "claims": [
+            claims.tested(claim, [rows.filter(polars.col("outliers") == share)], config.resamples, config.seed)
+            for claim, share in _claims(config.outliers)
+        ],
+        "statements": _statements(figure, errors, quaternion_error(angles)),
+    }
+
+
+def _figure_3_1(seed: int) -> dict[str, Any]:
+    """Angles spread about 0: their counts and means on both intervals, and the mean of §3.3.1."""
+    narrow = SPREAD * simulation.normals(seed, len(CASES), 0, 1, 20_000)[0].clip(-5, 5)
+    wide, edges = np.mod(narrow, 2 * np.pi), np.linspace(-np.pi, 2 * np.pi, 73)
+    return {
+        "m": float(np.mean(narrow)),
+        "m'": float(np.mean(wide)),
+        "chosen": averaging.average_angle(wide),
+        "angle": (edges[:-1] + edges[1:]) / 2,
+        "narrow": np.histogram(narrow, edges)[0] / len(narrow),
+        "wide": np.histogram(wide, edges)[0] / len(wide),
+    }
+
+
+def _claims(outliers: tuple[float, ...]) -> list[tuple[claims.Claim, float]]:
+    """Claims, each with the share of outliers that it is tested at, over all true rotations."""
+    said = published_table("hand_eye")["claims"]
+    pairs = [
+        ("means", "roll_pitch_yaw, mean", "group, mean", claims.NO_WORSE),
+        ("axis_means", "axis_angle, mean", "group, mean", claims.NO_WORSE),
+        ("robust", "roll_pitch_yaw, huber_weights", "roll_pitch_yaw, mean", 1.0),
+    ]
+    return [
+        (claims.Claim(f"{said[key]}, {100 * share:g} % outliers", claims.ROTATION, better, worse, margin), share)
+        for share in outliers
+        for key, better, worse, margin in pairs
+        if share > 0 or key != "robust"
+    ]
+
+
+def _statements(figure: dict[str, Any], angles_deg: np.ndarray, errors: np.ndarray) -> list[dict[str, str]]:
+    data = published_table("hand_eye")
+    said, table = data["claims"], data["table_3_2"]
+    same = [
+        abs(a - b) <= _half_a_digit(False, b) for a, b in zip(table["angles_of_errors_deg"], angles_deg, strict=True)
+    ]
+    same += [abs(a - b) <= _half_a_digit(True, b) for a, b in zip(table["errors_of_angles"], errors, strict=True)]
+    other = figure["m'"]
+    found = [
+        claims.Statement(said["measure"], f"{sum(same)} of {len(same)} values have the same digits", all(same)),
+        claims.Statement(
+            said["wrap"],
+            f"means {figure['m']:.3f} and {other:.3f} rad, taken {figure['chosen']:.3f}",
+            abs(figure["chosen"] - figure["m"]) < 1e-9 < abs(other) - abs(figure["m"]),
+        ),
+    ]
+    return [one.row for one in found]
 
 
 def tables(summary: Mapping[str, Any], command: str) -> list[Table]:
     """Table 3.2 as *published | ours*, Fig. 3.1, Tables 3.3 and 4.1 in degrees, and the means."""
     data = published_table("hand_eye")
     published = data["table_3_2"]
-    table = [
-        (f"error {error:g}", f"{theirs:.4f}°", f"{ours:.4f}°", _same(theirs, ours, 5e-5))
-        for error, theirs, ours in zip(
-            published["errors"], published["angles_of_errors_deg"], summary["angles_of_errors_deg"], strict=True
-        )
-    ] + [
-        (
-            f"angle {angle:g}°",
-            f"{theirs:.4e}",
-            f"{ours:.4e}",
-            _same(theirs, ours, 5e-5 * 10 ** np.floor(np.log10(ours))),
-        )
-        for angle, theirs, ours in zip(
-            published["angles_deg"], published["errors_of_angles"], summary["errors_of_angles"], strict=True
-        )
-    ]
+    table = []
+    for of, sign, key, form in (
+        ("errors", "error {:g}", "angles_of_errors_deg", "{:.4f}°"),
+        ("angles_deg", "angle {:g}°", "errors_of_angles", "{:.4e}"),
+    ):
+        for given, theirs, ours in zip(published[of], published[key], summary[key], strict=True):
+            same = abs(theirs - ours) <= _half_a_digit(key == "errors_of_angles", ours)
+            verdict = "the same digits" if same else "differs in the last digits"
+            table.append((sign.format(given), form.format(theirs), form.format(ours), verdict))  # fmt: skip
     in_degrees = [
         (name, str(place + 1), f"{error:.3g}", f"{float(quaternion_error_angle_deg(np.array(error))):.3g}°")
         for key in ("table_3_3", "table_4_1")
@@ -143,16 +193,19 @@ def tables(summary: Mapping[str, Any], command: str) -> list[Table]:
         Table("The report's rotation errors as angles (Tables 3.3, 4.1, §4.3)",
               ("run", "method", "published", "as an angle"), in_degrees),
         Table(f"Published | ours, Table 3.2 | {command}", ("of", "published", "ours", "verdict"), table),
+        claims.claims_table(summary["claims"], command),
+        claims.statements_table(summary["statements"], command),
         chosen_table(summary),
     ]  # fmt: skip
 
 
-def _same(theirs: float, ours: float, half_a_digit: float) -> str:
-    return "the same digits" if abs(theirs - ours) <= 1.0001 * half_a_digit else "differs in the last digits"
+def _half_a_digit(as_error: bool, value: float) -> float:
+    """Half of the last digit that Table 3.2 prints of a value."""
+    return 1.0001 * 5e-5 * (10 ** np.floor(np.log10(value)) if as_error else 1.0)
 
 
 def charts(summary: Mapping[str, Any], rows: polars.DataFrame) -> list[Chart]:
-    """Error of every mean, a panel for each case."""
+    """Fig. 3.1, and the error of every mean, a panel for each case."""
     panels = []
     for case, share in dict.fromkeys((of["rotation"], of["outliers"]) for of in summary["means"]):
         series = []
@@ -162,11 +215,25 @@ def charts(summary: Mapping[str, Any], rows: polars.DataFrame) -> list[Chart]:
                 for one in summary["means"]
                 if (one["rotation"], one["outliers"], one["representation"]) == (case, share, representation)
             ]
-            names = ["mean", "median", "Huber, res.", "Huber, wts."]
+            names = ["mean", "median", "Huber by residuals", "Huber by weights"]
             bounds = [[one[key] for one in of] for key in ("value", "low", "high")]
             series.append(Series(representation.replace("_", " "), names, bounds[0], bounds[1], bounds[2], "bars"))
         panels.append(Panel(f"{case}, {100 * share:g} % outliers", "", "rotation error (°)", series))
-    return [Chart("means", "Mean transforms (§3.3)", panels)]
+    return [_figure(summary["figure_3_1"]), Chart("means", "Mean transforms (§3.3)", panels)]
+
+
+def _figure(of: Mapping[str, Any]) -> Chart:
+    """Fig. 3.1."""
+    series = [
+        Series("angles on ]-pi, pi]", of["angle"], of["narrow"]),
+        Series("angles on [0, 2 pi[", of["angle"], of["wide"]),
+        *(
+            Series(f"{name} = {of[key]:.2f} rad", [of[key]] * 2, [0.0, height * max(of["narrow"])])
+            for name, key, height in (("m", "m", 0.3), ("m'", "m'", 0.3), ("mean of §3.3.1", "chosen", 0.15))
+        ),
+    ]
+    panel = Panel("Fig. 3.1: the mean of angles about 0", "angle (rad)", "share of the angles", series)
+    return Chart("figure-3.1", "Fig. 3.1: two means of the same angles", [panel])
 
 
 def draw(folder: RunDir, summary: Mapping[str, Any]) -> list[str]:

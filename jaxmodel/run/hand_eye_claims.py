@@ -17,15 +17,21 @@ from jaxmodel.view.table import Table
 ROTATION, TRANSLATION = "rotation_deg", "translation"
 _LEAST = 1e-14
 Z95 = 1.96
+NO_WORSE = 1.1
+"""Up to here a method is called no worse than another."""
 
 
 class Claim(NamedTuple):
-    """``better`` has the smaller error of the two; several levels (noise, motions) are averaged."""
+    """``better`` has the smaller error of the two; several levels (noise, motions) are averaged.
+
+    ``margin``: the ratio of errors that the claim allows, 1 for "better", ``NO_WORSE`` for "no worse".
+    """
 
     says: str
     quantity: str
     better: str
     worse: str
+    margin: float = 1.0
 
 
 def column(method: str, quantity: str) -> str:
@@ -59,16 +65,16 @@ def tested(claim: Claim, cells: Sequence[polars.DataFrame], resamples: int, seed
         np.stack([np.maximum(cell[column(method, claim.quantity)].to_numpy(), _LEAST) for cell in cells])
         for method in (claim.better, claim.worse)
     ]
-    rms = _ratio_of_rms(errors[0], errors[1], resamples, seed)
+    rms = _ratio_of_rms(errors[0], errors[1], resamples, seed, claim.margin)
     per_draw = np.mean(np.log(errors[0] / errors[1]), axis=0)
     reach = Z95 * float(np.std(per_draw, ddof=1)) / np.sqrt(len(per_draw)) if len(per_draw) > 1 else np.inf
     middle = float(np.mean(per_draw))
-    typical = _estimate(np.exp(middle), np.exp(middle - reach), np.exp(middle + reach))
+    typical = _estimate(np.exp(middle), np.exp(middle - reach), np.exp(middle + reach), claim.margin)
     return {**claim._asdict(), "draws": len(per_draw), "levels": len(cells), "rms": rms, "typical": typical}
 
 
 def _ratio_of_rms(
-    one: Float[np.ndarray, "l n"], other: Float[np.ndarray, "l n"], resamples: int, seed: int
+    one: Float[np.ndarray, "l n"], other: Float[np.ndarray, "l n"], resamples: int, seed: int, margin: float
 ) -> dict[str, Any]:
     """Geometric mean over levels of the ratio of RMS; draws are resampled, the same for both methods."""
     n = one.shape[1]
@@ -77,11 +83,11 @@ def _ratio_of_rms(
         drawn = np.exp(np.mean(0.5 * np.log((times @ one.T**2) / (times @ other.T**2)), axis=1))
         value = np.exp(np.mean(0.5 * np.log(np.sum(one**2, axis=1) / np.sum(other**2, axis=1))))
     low, high = np.quantile(drawn, [0.025, 0.975]) if n > 1 else (0.0, np.inf)
-    return _estimate(value, low, high)
+    return _estimate(value, low, high, margin)
 
 
-def _estimate(value: float, low: float, high: float) -> dict[str, Any]:
-    verdict = "confirmed" if high < 1 else "contradicted" if low > 1 else "undecided"
+def _estimate(value: float, low: float, high: float, margin: float) -> dict[str, Any]:
+    verdict = "confirmed" if high < margin else "contradicted" if low > margin else "undecided"
     return {"value": float(value), "low": float(low), "high": float(high), "verdict": verdict}
 
 
@@ -126,3 +132,22 @@ def _first_draws(claim: Mapping[str, Any]) -> str:
         return ""
     first = claim["report"]
     return f"{first['draws']}: {first['rms']['verdict']}, {first['typical']['verdict']}"
+
+
+class Statement(NamedTuple):
+    """What the report says that is no ratio of two errors, and what was measured of it."""
+
+    says: str
+    ours: str
+    confirmed: bool
+
+    @property
+    def row(self) -> dict[str, str]:
+        """As it stands in a summary."""
+        return {"says": self.says, "ours": self.ours, "verdict": "confirmed" if self.confirmed else "contradicted"}
+
+
+def statements_table(found: Sequence[Mapping[str, str]], command: str) -> Table:
+    """Every other statement of the report, beside ours."""
+    rows = [(of["says"], of["ours"], of["verdict"]) for of in found]
+    return Table(f"Published | ours: other statements | {command}", ("published", "ours", "verdict"), rows)

@@ -12,6 +12,7 @@ from jaxmodel.run import hand_eye_claims as claims
 from jaxmodel.run.hand_eye_methods import OURS, PUBLISHED, SENTENCE, Stopwatch
 from jaxmodel.run.hand_eye_report import (
     ERRORS,
+    TIME,
     check_draws,
     chosen_table,
     draw_hand_eye,
@@ -26,6 +27,7 @@ from jaxmodel.view.table import Table
 
 METHODS = (*PUBLISHED, *OURS)
 MOTIONS = 2
+NOISE = "noise (share of each angle and of the length)"
 
 
 @dataclass(frozen=True)
@@ -103,6 +105,10 @@ def _claims() -> list[tuple[str, claims.Claim]]:
         for other in complex_ones:
             found.append(("small", claims.Claim(said["noise_small_complex"], quantity, "linear", other)))
         found.append(("small", claims.Claim(said["noise_small_axis"], quantity, "linear", "axis/angle")))
+    for motions in ("large", "small"):
+        for other in ("axis/angle", *complex_ones):
+            names = "linear", other
+            found.append((motions, claims.Claim(said["translation"], claims.TRANSLATION, *names, claims.NO_WORSE)))
     return found
 
 
@@ -153,16 +159,16 @@ def charts(summary: Mapping[str, Any], rows: polars.DataFrame) -> list[Chart]:
     for figure, motions in (("3.2", "large"), ("3.4", "small")):
         for draws in dict.fromkeys((summary["report_draws"], summary["all_draws"])):
             curves = [of for of in summary["curves"] if of["motions"] == motions and of["draws"] == draws]
-            title = f"Fig. {figure}: two {motions} motions, {draws} draws"
-            drawn.append(
-                Chart(f"figure-{figure}-{draws}-draws", title, error_panels(curves, "noise", "noise", METHODS))
-            )
+            title = f"Fig. {figure}, two {motions} motions, {draws} draws"
+            panels = error_panels(curves, "noise", NOISE, METHODS, title)
+            drawn.append(Chart(f"figure-{figure}-{draws}-draws", title, panels))
     panels = []
     for motions in ("large", "small"):
-        of = [one for one in summary["times"] if one["motions"] == motions]
+        of = [one for one in summary["times"] if one["motions"] == motions and one["seconds"]]
         series = [Series(m, [one["noise"] for one in of], [1e6 * one["seconds"][m] for one in of]) for m in METHODS]
-        panels.append(Panel(f"{motions} motions", "noise", "time (microseconds a calibration)", series, log_y=True))
-    return [*drawn, Chart("figure-3.3-times", "Fig. 3.3: time", panels)]
+        if of:  # a resumed run has the times of its own part alone
+            panels.append(Panel(f"Fig. 3.3, two {motions} motions", NOISE, TIME, series, log_y=True))
+    return [*drawn, *([Chart("figure-3.3-times", "Fig. 3.3: time", panels)] if panels else [])]
 
 
 def draw(folder: RunDir, summary: Mapping[str, Any]) -> list[str]:

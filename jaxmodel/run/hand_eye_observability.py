@@ -13,9 +13,10 @@ import polars
 from scipy.spatial.transform import Rotation
 
 from jaxmodel.calibrate import Outcome, simulation, solve
-from jaxmodel.calibrate.observability import linear_ranks
 from jaxmodel.geometry import se3
 from jaxmodel.io.results import RunDir
+from jaxmodel.run import hand_eye_claims as claims
+from jaxmodel.run.hand_eye_ranks import SETS, counted, rank_statement, ranks, ranks_table
 from jaxmodel.run.hand_eye_report import chosen_table, draw_hand_eye
 from jaxmodel.run.hand_eye_study import Cell, HandEyeStudy, Measured
 from jaxmodel.run.published import published_table
@@ -29,15 +30,6 @@ EXPECTED = {
     frozenset(("translation", "general")): Outcome.TRANSLATION_ALONG_AXIS,
 }
 """What Table 3.1 says of two kinds; all others determine the whole of X."""
-SETS = {
-    "one translation": ("translation",),
-    "three translations": ("translation",) * 3,
-    "one rotation": ("rotation",),
-    "one rotation by pi": ("half turn",),
-    "one general motion": ("general",),
-    "two rotations": ("rotation",) * 2,
-    "rotation and general motion": ("rotation", "general"),
-}
 _IN_TABLE = {
     Outcome.SOLVED: "R, t",
     Outcome.TRANSLATION_ALONG_AXIS: "R, t(alpha)",
@@ -136,8 +128,8 @@ def _case(config: Config, kinds: tuple[str, ...], noise: float, first: int, coun
 
 
 def _ranks(config: Config, kinds: tuple[str, ...], first: int, count: int) -> Measured:
-    ranks = [linear_ranks(simulation.conjugate(X, B), B) for X, B, _ in _drawn(config, kinds, first, count)]
-    return Measured({"rank_rotation": np.array(ranks, float)[:, 0], "rank_whole": np.array(ranks, float)[:, 1]})
+    found = [ranks(X, B) for X, B, _ in _drawn(config, kinds, first, count)]
+    return Measured({name: np.array([of[name] for of in found]) for name in found[0]})
 
 
 def _exchanged(config: Config, first: int, count: int) -> Measured:
@@ -176,19 +168,34 @@ def _summarise(config: Config, rows: polars.DataFrame, seconds: list[dict[str, A
                         "translation": None if right.is_empty() else float(right["translation"].to_numpy().max()),
                     }
                 )
-    ranks = [
-        {"motions": name, **{f"rank_{what}": sorted({int(rank) for rank in of(name, 0.0)[f"rank_{what}"].to_list()})
-                             for what in ("rotation", "whole")}}
-        for name in SETS
-    ]  # fmt: skip
+    counts = [counted(name, of(name, 0.0)) for name in SETS]
     part = of("camera rotations", config.noise)
+    exchanged = {
+        "both_solved": int(part["both_solved"].sum()),
+        "draws": len(part),
+        "rotations_apart": float(part["rotations_apart"].to_numpy().max()),
+    }
     return {
         "chosen": f"rotations by 0.5 to 2.5 rad about axes at least 30° apart; noise {config.noise:g} rad and length",
         "cases": cases,
-        "ranks": ranks,
-        "exchanged": {"both_solved": int(part["both_solved"].sum()), "draws": len(part),
-                      "rotations_apart": float(part["rotations_apart"].to_numpy().max())},
-    }  # fmt: skip
+        "ranks": counts,
+        "exchanged": exchanged,
+        "statements": _statements(cases, counts, exchanged),
+    }
+
+
+def _statements(
+    cases: list[dict[str, Any]], counts: list[dict[str, Any]], exchanged: dict[str, Any]
+) -> list[dict[str, str]]:
+    said = published_table("hand_eye")["claims"]
+    right, all_of = sum(of["right"] for of in cases), sum(of["draws"] for of in cases)
+    swapped = f"solved both ways in {exchanged['both_solved']} of {exchanged['draws']} sets"
+    found = [
+        claims.Statement(said["table"], f"{right} of {all_of} sets named so", right == all_of),
+        claims.Statement(said["ranks"], *rank_statement(counts)),
+        claims.Statement(said["swap"], swapped, exchanged["both_solved"] == exchanged["draws"]),
+    ]
+    return [one.row for one in found]
 
 
 def tables(summary: Mapping[str, Any], command: str) -> list[Table]:
@@ -206,35 +213,28 @@ def tables(summary: Mapping[str, Any], command: str) -> list[Table]:
         lines.append((f"{of['row']} + {of['column']}", "exact" if of["noise"] == 0 else f"noise {of['noise']:g}", said,
                       _IN_TABLE[Outcome[of["expected"]]], f"{of['right']} of {of['draws']}",
                       ", ".join(parts)))  # fmt: skip
-    ranks = []
-    for of in summary["ranks"]:
-        theirs = data["ranks"][of["motions"]]
-        for what, unknowns in (("rotation", 9), ("whole", theirs["unknowns"])):
-            ours = " or ".join(str(rank) for rank in of[f"rank_{what}"])
-            said = "" if theirs[what] is None else str(theirs[what])
-            verdict = "" if not said else "confirmed" if ours == said else "contradicted"
-            ranks.append((of["motions"], f"{what}, of {unknowns}", said, ours, verdict))
     swap = summary["exchanged"]
     row = (f"{swap['both_solved']} of {swap['draws']}", f"{swap['rotations_apart']:.1e}")
     return [
-        Table(f"Published | ours, ranks (§3.2.2) | {command}",
-              ("motions", "rank", "published", "ours", "verdict"), ranks),
+        ranks_table(summary["ranks"], command),
         Table("Pure rotations of the camera: X as it is, and with the roles of A and B exchanged (remark of §3.2.2)",
               ("both solved", "largest difference of the rotation matrices"), [row]),
         Table(f"Published | ours, Table 3.1 | {command}",
               ("motions", "data", "published", "expected", "so named", "largest errors of those"), lines),
+        claims.statements_table(summary["statements"], command),
         chosen_table(summary),
     ]  # fmt: skip
 
 
 def charts(summary: Mapping[str, Any], rows: polars.DataFrame) -> list[Chart]:
     """Share of the sets that were named as Table 3.1 says."""
-    names = [f"{row[:5]}+{column[:5]}" for row in KINDS for column in KINDS]
+    names = [f"{row[0].upper()} + {column[0].upper()}" for row in KINDS for column in KINDS]
     series = []
     for noise in dict.fromkeys(of["noise"] for of in summary["cases"]):
         shares = [100 * of["right"] / of["draws"] for of in summary["cases"] if of["noise"] == noise]
         series.append(Series("exact" if noise == 0 else f"noise {noise:g}", names, shares, style="bars"))
-    panel = Panel("Table 3.1", "motions", "named as the table says (%)", series)
+    kinds = "two motions: T translation, R rotation, G general motion"
+    panel = Panel("Table 3.1: what two motions determine", kinds, "sets named as the table says (%)", series)
     return [Chart("table-3.1", "Table 3.1: what two motions determine", [panel])]
 
 

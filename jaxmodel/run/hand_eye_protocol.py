@@ -18,7 +18,10 @@ from jaxmodel.calibrate.errors import quaternion_error
 from jaxmodel.calibrate.rigid import checked_motions
 from jaxmodel.geometry import se3
 
-MOST = 64  # motions of a padded problem: one program serves all trajectories
+MOST = 64
+"""Motions of a run at most."""
+SMALLEST = 16
+"""Motions of a problem that is padded to fewer: two lengths in all, so that few programs are compiled."""
 _DRAWS = 4000  # standard normals of one realisation
 
 
@@ -50,8 +53,9 @@ class Bench:
                 raise ValueError(f"{name} is {getattr(self, name)}, expected 0 or above")
         if not 4 <= self.positions <= MOST or self.reference_draws < 2:
             raise ValueError(f"expected 4 to {MOST} positions and at least 2 reference_draws")
-        if not 4 <= self.reference_images <= min(17, self.positions):
-            raise ValueError(f"reference_images is {self.reference_images}, expected 4 to {min(17, self.positions)}")
+        most = min(SMALLEST + 1, self.positions)
+        if not 4 <= self.reference_images <= most:
+            raise ValueError(f"reference_images is {self.reference_images}, expected 4 to {most}")
 
     @property
     def sentence(self) -> str:
@@ -116,8 +120,13 @@ class Realisation:
         return robot.seen(camera, points, self.image, self.normals(6 * len(hand)), False)
 
 
-def padded(runs: list[tuple[np.ndarray, np.ndarray]], most: int = MOST) -> Motions:
-    """Motions between neighbours of each (hand, camera) run, padded with identities."""
+def padded_length(motions: int) -> int:
+    """To how many motions problems of at most ``motions`` are padded: one of two lengths."""
+    return SMALLEST if motions <= SMALLEST else MOST
+
+
+def padded(runs: list[tuple[np.ndarray, np.ndarray]], most: int) -> Motions:
+    """Motions between neighbours of each (hand, camera) run, padded with identities to ``most`` of them."""
     A, B = np.tile(np.eye(4), (2, len(runs), most, 1, 1))
     mask = np.zeros((len(runs), most), bool)
     for row, (hand, camera) in enumerate(runs):
@@ -137,7 +146,7 @@ def references(
         picks = [
             np.sort(chooser.permutation(len(hand))[: bench.reference_images]) for _ in range(bench.reference_draws)
         ]
-        motions = padded([(hand[pick], camera[pick]) for pick in picks], 16)
+        motions = padded([(hand[pick], camera[pick]) for pick in picks], SMALLEST)
         X = solve_many(*motions, "linear", verdict=False).X
         found.append(average(checked_motions(X, "X"), "roll_pitch_yaw", "huber_weights"))
     return np.stack(found)
@@ -164,3 +173,11 @@ def spread(values: Float[np.ndarray, " n"]) -> dict[str, Any]:
 def shown(of: dict[str, Any]) -> str:
     """``1.2e-05 (3e-06 to 5e-05)``."""
     return f"{of['value']:.2g} ({of['low']:.2g} to {of['high']:.2g})"
+
+
+def agreement(published: float | None, of: dict[str, Any]) -> tuple[str, str, str]:
+    """A published value, ours, and whether the published one lies in the range of 90 % of our realisations."""
+    if published is None:
+        return "none", shown(of), ""
+    where = "below ours" if published < of["low"] else "above ours" if published > of["high"] else "in our 90 %"
+    return f"{published:.3g}", shown(of), where

@@ -1,6 +1,6 @@
 """What the hand-eye experiments' tables, charts and reports share."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -43,6 +43,7 @@ def check_draws(config: Any) -> None:
         raise ValueError(f"report_draws is {config.report_draws}, expected at most draws, {config.draws}")
 
 
+TIME = "processor time (microseconds a calibration)"
 ERRORS = ("rotation RMS (2 - 2 cos a/2)", "RMS angle", "median angle", "translation RMS", "median")
 
 
@@ -73,31 +74,44 @@ def times_table(summary: Mapping[str, Any], figure: str, keys: tuple[str, ...]) 
         (" ".join(str(part) for part in group), *(f"{1e6 * np.mean([one[m] for one in of]):.1f}" for m in methods))
         for group, of in groups.items()
     ]
-    title = f"Microseconds a calibration, in batches ({figure} is a curve without numbers)"
+    title = f"Microseconds of the processor a calibration, in batches ({figure} is a curve without numbers)"
     return Table(title, (", ".join(keys), *methods), rows)
 
 
-def error_panels(curves: list[Any], key: str, label: str, methods: tuple[str, ...]) -> list[Panel]:
+def error_panels(curves: list[Any], key: str, label: str, methods: tuple[str, ...], title: str) -> list[Panel]:
     """RMS and median of both errors along a key, one curve a method."""
     wanted = (
-        ("rotation_rms", "RMS of 2 - 2 cos(angle / 2)"),
-        ("translation_rms", "RMS of |t - t*| / |t*|"),
-        ("rotation_median_deg", "median angle (°)"),
-        ("translation_median", "median of |t - t*| / |t*|"),
+        ("rotation_rms", "rotation", "RMS of 2 - 2 cos(angle / 2)"),
+        ("translation_rms", "translation", "RMS of |t - t*| / |t*|"),
+        ("rotation_median_deg", "rotation", "median angle (°)"),
+        ("translation_median", "translation", "median of |t - t*| / |t*|"),
     )
     return [
         Panel(
-            what,
+            f"{title}: {what}",
             label,
-            what,
+            axis,
             [
                 Series(method, [of[key] for of in curves if of["method"] == method], _positive(curves, method, name))
                 for method in methods
             ],
             log_y=True,
         )
-        for name, what in wanted
+        for name, what, axis in wanted
     ]
+
+
+def marks_panel(
+    title: str, label: str, names: Sequence[str], values: list[Any], published: Sequence[float | None] | None = None
+) -> Panel:
+    """A median with the range of 90 % for each method, and the report's own values where it has some."""
+    ours = Series("ours", names, *([of[key] for of in values]
+                  for key in ("value", "low", "high")), style="marks")  # fmt: skip
+    series = [ours]
+    if published is not None:
+        values = [np.nan if of is None else of for of in published]
+        series.append(Series("published", names, values, style="marks"))
+    return Panel(title, "ours: median and 90 % of the robots", label, series, log_y=True)
 
 
 def _positive(curves: list[Any], method: str, name: str) -> list[float]:

@@ -13,28 +13,46 @@ import polars
 
 from jaxmodel.calibrate import simulated_robot as robot
 from jaxmodel.calibrate import simulation
-from jaxmodel.calibrate.errors import quaternion_error
+from jaxmodel.calibrate.errors import quaternion_error, quaternion_error_angle_deg
 from jaxmodel.io.results import RunDir
 from jaxmodel.run import hand_eye_claims as claims
-from jaxmodel.run.hand_eye_methods import FROM_IDENTITY, PUBLISHED, SENTENCE, Stopwatch
-from jaxmodel.run.hand_eye_protocol import Bench, Realisation, deviations, padded, references, shown, spread
-from jaxmodel.run.hand_eye_report import chosen_table, draw_hand_eye
+from jaxmodel.run.hand_eye_methods import FROM_IDENTITY, PUBLISHED, SENTENCE, UNIT_AXES, all_solved
+from jaxmodel.run.hand_eye_protocol import (
+    MOST,
+    Bench,
+    Realisation,
+    agreement,
+    deviations,
+    padded,
+    padded_length,
+    references,
+    shown,
+    spread,
+)
+from jaxmodel.run.hand_eye_report import chosen_table, draw_hand_eye, marks_panel
 from jaxmodel.run.hand_eye_study import Cell, HandEyeStudy, Measured
+from jaxmodel.run.hand_eye_weights import Weights, measured, summarised, weights_table
 from jaxmodel.run.published import published_table
-from jaxmodel.view.charts import Chart, Panel, Series
+from jaxmodel.view.charts import Chart
 from jaxmodel.view.table import Table
 
-METHODS = (*PUBLISHED, FROM_IDENTITY, "nonlinear on the group")
-RUNS = {"33 positions": "3.8", "complete": "3.9", "expo": "3.10", "init": "3.11"}
+METHODS = (*PUBLISHED, UNIT_AXES, FROM_IDENTITY, "nonlinear on the group")
+FAR = "trajectory 1"
+RUNS = {FAR: "3.8", "complete": "3.9", "expo": "3.10", "init": "3.11"}
+NAMES = ("axis / angle", "dual quat.", "nonlinear", "linear", "unit axes", "nonl. from identity", "nonl. on group")
 RESIDUALS = {
-    "rotation": "mean of 2 - 2 cos(angle / 2) of AX against XB",
+    "rotation": "mean of 2 - 2 cos(angle / 2)",
     "translation": "mean of |t_AX - t_XB| / |t_XB|",
 }
 
 
 @dataclass(frozen=True, kw_only=True)
 class Config:
-    """The YAML of the experiment. ``turn_deg``: the large motions; ``small_deg``: all 60 small ones together."""
+    """The YAML of the experiment.
+
+    ``turn_deg``: the large motions; ``small_deg``: all 60 small ones together. ``weights``: those the nonlinear method
+    is tried with.
+    """
 
     experiment: Literal["hand_eye_trajectories"] = "hand_eye_trajectories"
     seed: int = 0
@@ -45,24 +63,24 @@ class Config:
     small_deg: float = 20.0
     steps: int = 60
     decay: float = 0.1
+    weights: tuple[Weights, ...] = (Weights(),)
     resamples: int = 2000
 
     def __post_init__(self) -> None:
         for name, least in (("seed", 0), ("draws", 2), ("chunk", 1), ("resamples", 100), ("steps", 2)):
             if getattr(self, name) < least:
                 raise ValueError(f"{name} is {getattr(self, name)}, expected {least} or more")
-        if self.steps > 61 or not (self.turn_deg > 0 and self.small_deg > 0 and self.decay > 0):
-            raise ValueError("expected at most 61 steps, and turn_deg, small_deg and decay above 0")
+        if self.steps > MOST - 2 or not (self.turn_deg > 0 and self.small_deg > 0 and self.decay > 0):
+            raise ValueError(f"expected at most {MOST - 2} steps, and turn_deg, small_deg and decay above 0")
 
 
 def prepare(config: Config) -> HandEyeStudy:
     """One cell: each draw is a robot that drives both trajectories."""
-    clock = Stopwatch()
-    cell = Cell({"protocol": "trajectories"}, config.draws, lambda first, count: _measure(config, first, count, clock))
+    cell = Cell({"protocol": "trajectories"}, config.draws, lambda first, count: _measure(config, first, count))
     return HandEyeStudy("hand_eye_trajectories", config, [cell], _summarise)
 
 
-def _measure(config: Config, first: int, count: int, clock: Stopwatch) -> Measured:
+def _measure(config: Config, first: int, count: int) -> Measured:
     far, whole, X = [], [], []
     for draw in range(first, first + count):
         one = Realisation(config.bench, config.seed, draw)
@@ -74,15 +92,17 @@ def _measure(config: Config, first: int, count: int, clock: Stopwatch) -> Measur
         whole.append((one.measured_hand(hand), one.by_target(hand)))
     truth, reference = np.stack(X), references(config.bench, far, config.seed, first)
     parts = {
-        "33 positions": far,
+        FAR: far,
         "complete": whole,
         "expo": [(hand[2:], camera[2:]) for hand, camera in whole],
         "init": [(hand[:3], camera[:3]) for hand, camera in whole],
     }
     errors, columns = {"reference, truth": simulation.errors(reference, truth)}, {}
+    most = padded_length(max(config.bench.positions - 1, config.steps + 2))
     for run, poses in parts.items():
-        motions = padded(poses)
-        for method, (found, _) in clock.run(METHODS, *motions).items():
+        motions = padded(poses, most)
+        columns |= measured(run, motions, reference, config.weights)
+        for method, found in all_solved(METHODS, *motions).items():
             errors[f"{run}, {method}"] = simulation.errors(found, reference)
             errors[f"{run}, {method}, truth"] = simulation.errors(found, truth)
             for what, values in zip(RESIDUALS, deviations(motions, found), strict=True):
@@ -103,9 +123,26 @@ def _claims() -> list[claims.Claim]:
         found += both("many", "expo", nonlinear, "axis/angle")
     for run in ("init", "expo"):
         found += both("both", run, "linear", "axis/angle") + both("both", run, "linear", "dual quaternions")
-    for lost in ("axis/angle", "dual quaternions"):
+    for lost in ("axis/angle", UNIT_AXES, "dual quaternions"):
         found += both("lost", "expo", "linear", lost) + both("whole", "complete", "linear", lost)
+    for run in RUNS:
+        for other in PUBLISHED[:3]:
+            turn, shift = both("rotation", run, "linear", other)
+            found += [turn] if run == FAR else []
+            found.append(shift._replace(says=said["translation"], margin=claims.NO_WORSE))
     return found
+
+
+def _statements(runs: list[dict[str, Any]]) -> list[dict[str, str]]:
+    """What the captions of Figs 3.9 and 3.11 say of the residuals in rotation."""
+    said = published_table("hand_eye")["claims"]
+    of = {(one["run"], one["method"]): one["residuals"]["rotation"]["value"] for one in runs}
+    least = min(of["complete", method] for method in PUBLISHED if method != "linear")
+    small = of["complete", "linear"] / least
+    found = [claims.Statement(said["drawn"], f"linear / best of the others: {small:.2g}", small < 0.1)]
+    large = {method: of["init", method] / of["init", "linear"] for method in ("nonlinear", FROM_IDENTITY)}
+    ours = ", ".join(f"{method} / linear: {ratio:.2g}" for method, ratio in large.items())
+    return [one.row for one in (*found, claims.Statement(said["thousand"], ours, max(large.values()) > 100))]
 
 
 def _summarise(config: Config, rows: polars.DataFrame, seconds: list[dict[str, Any]]) -> dict[str, Any]:
@@ -126,11 +163,13 @@ def _summarise(config: Config, rows: polars.DataFrame, seconds: list[dict[str, A
         for method in METHODS
     ]
     tests = [claims.tested(claim, [rows], config.resamples, config.seed) for claim in _claims()]
+    weights = summarised(rows, list(RUNS), config.weights)
     chosen = (
         f"{config.bench.sentence}; trajectory 2: two motions of {config.turn_deg:g}°, then {config.steps} of "
         f"{config.small_deg:g}° in all, decaying as exp(-{config.decay:g} k) in every joint; {SENTENCE}"
     )
-    return {"chosen": chosen, "reference": errors("reference, truth"), "runs": runs, "claims": tests}
+    return {"chosen": chosen, "reference": errors("reference, truth"), "runs": runs, "claims": tests,
+            "statements": _statements(runs), "weights": weights}  # fmt: skip
 
 
 def tables(summary: Mapping[str, Any], command: str) -> list[Table]:
@@ -139,61 +178,57 @@ def tables(summary: Mapping[str, Any], command: str) -> list[Table]:
         (f"{of['run']} (Fig. {RUNS[of['run']]})", of["method"], *(shown(of["residuals"][what]) for what in RESIDUALS))
         for of in summary["runs"]
     ]
-    published = published_table("hand_eye")["table_3_3"]
     lines = []
     for of in summary["runs"]:
-        theirs = published.get(of["run"])
-        place = PUBLISHED.index(of["method"]) if of["method"] in PUBLISHED else None
-        said = ["not in the report"] * 2
-        if theirs is not None and place is not None:
-            said = [f"{theirs[what][place]:.3g}" for what in RESIDUALS]
-        lines.append((of["run"], of["method"], said[0], shown(of["rotation"]), said[1], shown(of["translation"]),
+        turn, shift = (_published(of["run"], of["method"], what) for what in RESIDUALS)
+        lines.append((of["run"], of["method"], *agreement(turn, of["rotation"]), *agreement(shift, of["translation"]),
                       shown(of["truth"]["rotation"]), shown(of["truth"]["translation"])))  # fmt: skip
-    columns = ("run", "method", "rotation: published", "ours", "translation: published", "ours",
-               "rotation, to the truth", "translation, to the truth")  # fmt: skip
+    columns = ("run", "method", "rotation: published", "ours", "published is", "translation: published", "ours",
+               "published is", "rotation, to the truth", "translation, to the truth")  # fmt: skip
     reference = summary["reference"]
     row = (shown(reference["angle_deg"]) + "°", shown(reference["translation"]))
     return [
         Table("How far AX is from XB (Figs 3.8 to 3.11): median and 90 % of the robots", ("run", "method", *RESIDUALS),
               residuals),
         Table("The reference's own error", ("rotation", "translation"), [row]),
+        weights_table(summary["weights"]),
         Table(f"Published | ours, Table 3.3: errors to the reference, median and 90 % of the robots | {command}",
               columns, lines),
         claims.claims_table(summary["claims"], command),
+        claims.statements_table(summary["statements"], command),
         chosen_table(summary),
     ]  # fmt: skip
 
 
+def _published(run: str, method: str, what: str) -> float | None:
+    """The value of Table 3.3, where it has one."""
+    of = published_table("hand_eye")["table_3_3"].get(run)
+    return None if of is None or method not in PUBLISHED else of[what][PUBLISHED.index(method)]
+
+
 def charts(summary: Mapping[str, Any], rows: polars.DataFrame) -> list[Chart]:
-    """Figs 3.8 to 3.11 as bars, and Table 3.3."""
-    return [
-        Chart(
-            f"figure-{figure}-{run.replace(' ', '-')}",
-            f"Fig. {figure}: {run}",
-            [
-                _bars([of["residuals"][what] for of in summary["runs"] if of["run"] == run], f"{run}: {label}")
-                for what, label in RESIDUALS.items()
-            ],
-        )
-        for run, figure in RUNS.items()
-    ] + [
-        Chart(
-            "table-3.3",
-            "Table 3.3: errors to the reference",
-            [
-                _bars([of[what] for of in summary["runs"] if of["run"] == run], f"{run}: {label}")
-                for run in ("complete", "expo", "init")
-                for what, label in (("angle_deg", "rotation error (°)"), ("translation", "|t - t*| / |t*|"))
-            ],
-        )
-    ]
-
-
-def _bars(values: list[Any], title: str) -> Panel:
-    names = ["axis/angle", "dual quat.", "nonlinear", "linear", "nonl. from I", "nonl. group"]
-    series = Series("median, 90 %", names, *([of[key] for of in values] for key in ("value", "low", "high")),
-                    style="marks")  # fmt: skip
-    return Panel(title, "", "", [series], log_y=True)
+    """Figs 3.8 to 3.11 as medians and ranges, and Table 3.3."""
+    runs = {run: [of for of in summary["runs"] if of["run"] == run] for run in RUNS}
+    drawn = []
+    for run, figure in RUNS.items():
+        panels = [
+            marks_panel(
+                f"Fig. {figure}, {run}: AX against XB", label, NAMES, [of["residuals"][what] for of in runs[run]]
+            )
+            for what, label in RESIDUALS.items()
+        ]
+        drawn.append(Chart(f"figure-{figure}-{run.replace(' ', '-')}", f"Fig. {figure}: {run}", panels))
+    panels = []
+    for key, what, label in (
+        ("angle_deg", "rotation", "error to the reference (°)"),
+        ("translation", "translation", "|t - t*| / |t*| to the reference"),
+    ):
+        for run in ("complete", "expo", "init"):
+            theirs = [_published(run, method, what) for method in METHODS]
+            if key == "angle_deg":
+                theirs = [None if of is None else float(quaternion_error_angle_deg(np.array(of))) for of in theirs]
+            panels.append(marks_panel(f"{run}: {what}", label, NAMES, [of[key] for of in runs[run]], theirs))
+    return [*drawn, Chart("table-3.3", "Table 3.3: errors to the reference", panels)]
 
 
 def draw(folder: RunDir, summary: Mapping[str, Any]) -> list[str]:

@@ -12,6 +12,7 @@ from jaxmodel.errors import InputError
 
 TERMS = (0, 4, 5, 8)
 ITERATIONS = 100
+SETTLED, STRAY_RAY = 1e-12, 1e-6
 
 
 @dataclass(frozen=True)
@@ -54,17 +55,23 @@ class Camera:
         return (x * radial + tangential) * np.diag(self.K)[:2] + self.K[:2, 2]
 
     def undistort(self, pixels: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
-        """Image coordinates (x / z, y / z) of the ideal rays through pixels, by fixed-point iteration as in OpenCV."""
+        """Image coordinates (x / z, y / z) of the ideal rays through pixels, by fixed-point iteration as in OpenCV.
+
+        NaN where the iteration finds none: no ray arrives beyond the circle where a lens's distortion folds back.
+        """
         seen = (pixels - self.K[:2, 2]) / np.diag(self.K)[:2]
         x = seen
         if not self.distortion.any():
             return x
-        for _ in range(ITERATIONS):
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            for _ in range(ITERATIONS):
+                radial, tangential = self._distortion_at(x)
+                before, x = x, (seen - tangential) / radial
+                if np.nanmax(np.abs(x - before), initial=0.0) < SETTLED:
+                    break
             radial, tangential = self._distortion_at(x)
-            before, x = x, (seen - tangential) / radial
-            if np.abs(x - before).max(initial=0.0) < 1e-12:
-                break
-        return x
+            settled = np.abs(x * radial + tangential - seen).max(axis=1) < STRAY_RAY
+        return np.where(settled[:, None], x, np.nan)
 
     def _distortion_at(self, x: Float[np.ndarray, "n 2"]) -> tuple[Float[np.ndarray, "n 1"], Float[np.ndarray, "n 2"]]:
         """Factor and shift that distort ideal image coordinates."""

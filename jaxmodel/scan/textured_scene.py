@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from jaxmodel.errors import InputError
 from jaxmodel.geometry import se3
 from jaxmodel.scan.camera import Camera
 
@@ -15,11 +16,20 @@ class Face:
     """A rectangle in the plane z = 0 of its own frame, from its origin along x and y, with a grey picture on it.
 
     ``size``: its sides along x (columns of the picture) and y (rows), in the scene's unit. Both sides show the picture.
+    Raises :class:`InputError` for a pose that is not rigid, sides that are no lengths, or a picture of one line.
     """
 
     T_world_face: Float[np.ndarray, "4 4"]
     size: tuple[float, float]
     texture: Float[np.ndarray, "h w"]
+
+    def __post_init__(self) -> None:
+        if not se3.is_rigid(self.T_world_face):
+            raise InputError("A face's pose T_world_face must be rigid.")
+        if not (np.isfinite(self.size).all() and min(self.size) > 0):
+            raise InputError(f"A face's sides must be lengths > 0, not {self.size}.")
+        if self.texture.ndim != 2 or min(self.texture.shape) < 2 or not np.isfinite(self.texture).all():
+            raise InputError(f"A face's picture must be at least 2 x 2 finite numbers, not {self.texture.shape}.")
 
 
 def speckle(
@@ -27,6 +37,8 @@ def speckle(
 ) -> Float[np.ndarray, "h w"]:
     """A picture of smooth random blobs of many sizes (``octaves``: pixels a blob), grey values 20 to 235."""
     height, width = shape
+    if height < 1 or width < 1:
+        raise InputError(f"A picture must have at least 1 x 1 pixel, not {shape}.")
     picture = np.zeros(shape)
     for cell in octaves:
         grid = rng.uniform(-1.0, 1.0, (height // cell + 3, width // cell + 3))
@@ -60,8 +72,11 @@ def photograph(
 ) -> Float[np.ndarray, "h w"]:
     """The grey picture (0 to 255, not rounded) that a camera takes: ``samples x samples`` rays a pixel, nearest face.
 
-    Pictures are read bilinearly: a pixel of theirs should cover about a ray's width.
+    Pictures are read bilinearly: a pixel of theirs should cover about a ray's width. Pixels without a ray (beyond the
+    fold of a lens) show the background.
     """
+    if samples < 1:
+        raise InputError(f"A pixel needs at least one ray, not samples={samples}.")
     offsets = (np.arange(samples) + 0.5) / samples - 0.5
     columns, rows = ((np.arange(n)[:, None] + offsets).reshape(-1) for n in (camera.width, camera.height))
     pixels = np.stack(np.meshgrid(columns, rows), axis=-1)

@@ -6,6 +6,7 @@ from textwrap import fill
 from typing import Any
 
 import numpy as np
+from matplotlib.ticker import NullFormatter
 
 from jaxmodel.view.charts import Chart, Panel
 from jaxmodel.view.figures import grid_of_axes, png_bytes
@@ -15,18 +16,34 @@ _GROUP = 0.8
 """Share of a category's width that its bars fill together."""
 _LETTERS = 66
 """Letters of the names along x that fit beside each other."""
+_TILTED, _NAME_ROW = 0.35, 0.13
+"""Height that tilted names take below the panels, and each further row of upright ones (inches)."""
+_LEGEND_LETTERS, _LEGEND_ROW = 78, 0.24
+"""Letters of a legend's row under one panel (each entry takes some for its mark), and the height of a row (inches)."""
 
 
 def chart_png(chart: Chart) -> bytes:
-    """The chart as PNG: three panels a row at most (four are two by two), the same bytes for the same data."""
+    """The chart as PNG: three panels a row at most (four are two by two), the same bytes for the same data.
+
+    Where all panels have the same curves their one legend stands below, else each panel has its own.
+    """
     columns = 2 if len(chart.panels) == 4 else min(len(chart.panels), 3)
     rows = -(-len(chart.panels) // columns)
-    figure, axes = grid_of_axes(rows, columns)
+    labels = [[series.label for series in panel.series] for panel in chart.panels]
+    shared = len(labels[0]) > 1 and all(of == labels[0] for of in labels)
+    across = min(len(labels[0]), _LEGEND_LETTERS * columns // (max(map(len, labels[0])) + 6)) if shared else 1
+    foot = _LEGEND_ROW * (-(-len(labels[0]) // across) + 0.5) if shared else 0.0
+    foot += max(_height_of_names(_names(panel)) for panel in chart.panels)
+    figure, axes = grid_of_axes(rows, columns, foot)
     flat: list[Any] = [one for row in axes for one in row]
     for one, panel in zip(flat, chart.panels, strict=False):
         _draw(one, panel)
+        if len(panel.series) > 1 and not shared:
+            one.legend(fontsize=7)
     for spare in flat[len(chart.panels) :]:
         spare.set_axis_off()
+    if shared:
+        figure.legend(*flat[0].get_legend_handles_labels(), loc="lower center", ncols=across, fontsize=8, frameon=False)
     return png_bytes(figure)
 
 
@@ -51,10 +68,10 @@ def _draw(axes: Any, panel: Panel) -> None:
     axes.set(xlabel=panel.x, ylabel=panel.y)
     axes.set_title(panel.title, fontsize=10)
     if names:
-        room = _LETTERS // len(names)
-        upright = all(len(word) <= room for name in names for word in name.split())
-        shown = [fill(name, room, break_long_words=False) for name in names] if upright else names
-        axes.set_xticks(range(len(names)), shown, rotation=0 if upright else 25, fontsize=7)
+        if _tilted(names):
+            axes.set_xticks(range(len(names)), names, rotation=25, ha="right", rotation_mode="anchor", fontsize=7)
+        else:
+            axes.set_xticks(range(len(names)), _folded(names), fontsize=7)
     if panel.log_x and not names:
         axes.set_xscale("log")
         low, high = axes.get_xlim()
@@ -62,10 +79,33 @@ def _draw(axes: Any, panel: Panel) -> None:
             _plain_numbers(axes.xaxis)
     if panel.log_y:
         axes.set_yscale("log")
+        whole_decades(axes)
     elif _lowest(panel) >= 0:
         axes.set_ylim(bottom=0)
-    if len(panel.series) > 1:
-        axes.legend(fontsize=7)
+
+
+def _tilted(names: list[str]) -> bool:
+    """Whether some word is too wide to stand upright in its share of the axis."""
+    return any(len(word) > _LETTERS // len(names) for name in names for word in name.split())
+
+
+def _folded(names: list[str]) -> list[str]:
+    return [fill(name, _LETTERS // len(names), break_long_words=False) for name in names]
+
+
+def _height_of_names(names: list[str]) -> float:
+    """What names below a panel take beyond a row of numbers (inches)."""
+    if not names or _tilted(names):
+        return _TILTED if names else 0.0
+    return _NAME_ROW * max(name.count("\n") for name in _folded(names))
+
+
+def whole_decades(axes: Any) -> None:
+    """At least two powers of ten along y: labels of the values between them would be too wide."""
+    low, high = np.log10(axes.get_ylim())
+    if np.floor(high) - np.ceil(low) < 1:
+        axes.set_ylim(10.0 ** np.floor(low), 10.0 ** np.ceil(high))
+    axes.yaxis.set_minor_formatter(NullFormatter())
 
 
 def _plain_numbers(axis: Any) -> None:

@@ -149,16 +149,19 @@ def _scaled(error: Float[np.ndarray, " n"]) -> tuple[float, str]:
     return 10.0**-power, f"$10^{{{power}}}$ unit of the data" if power else "unit of the data"
 
 
-def grid_of_axes(rows: int, columns: int) -> tuple[Figure, Any]:
-    """An empty figure and its axes, with fixed margins: laying them out by trial costs more than drawing them."""
+def grid_of_axes(rows: int, columns: int, foot: float = 0.0) -> tuple[Figure, Any]:
+    """An empty figure and its axes, with fixed margins: laying them out by trial costs more than drawing them.
+
+    ``foot`` (inches) is left free below all of them.
+    """
     width, height, left, gap, bottom, top = 5.4, 3.8, 0.75, 1.5, 0.55, 0.4
-    figure = Figure(figsize=(width * columns, height * rows))
+    across, up = width * columns, height * rows + foot
+    figure = Figure(figsize=(across, up))
     panels = figure.subplots(rows, columns, squeeze=False)
-    across, up = width * columns, height * rows
     panel = (across - 2 * left - gap * (columns - 1)) / columns
-    tall = (up - bottom - top - (bottom + top) * (rows - 1)) / rows
+    tall = height - bottom - top
     figure.subplots_adjust(
-        left / across, bottom / up, 1 - left / across, 1 - top / up, gap / panel, (bottom + top) / tall
+        left / across, (foot + bottom) / up, 1 - left / across, 1 - top / up, gap / panel, (bottom + top) / tall
     )
     return figure, panels
 

@@ -11,10 +11,11 @@ from jaxmodel.calibrate.solve import METHODS
 EVERY = sorted(METHODS)
 COUNTS = (2, 3, 8, 50)
 LONGEST = max(COUNTS)
+MOST_SETS = 108  # of one collection: the others are filled up with sets of no motion
 
 
 class Sets:
-    """Sets of motions padded to one length, so that each method compiles once."""
+    """Sets of motions padded to one length and number, so that each method compiles once."""
 
     def __init__(self) -> None:
         self.A: list[np.ndarray] = []
@@ -38,10 +39,14 @@ class Sets:
         self.add(B, A, np.linalg.inv(X))
 
     def solved(self, method: str) -> tuple[list[Outcome], np.ndarray]:
-        found = solve_many(np.stack(self.A), np.stack(self.B), np.stack(self.mask), method)
-        assert np.isfinite(found.X).all()
-        worst = [errors(one, true) for one, true in zip(found.X, self.X, strict=True)]
-        return [Outcome(o) for o in found.outcome], np.array(worst)
+        empty = MOST_SETS - len(self.X)
+        none = np.broadcast_to(np.eye(4), (empty, LONGEST, 4, 4))
+        mask = np.concatenate([np.stack(self.mask), np.zeros((empty, LONGEST), bool)])
+        found = solve_many(np.concatenate([self.A, none]), np.concatenate([self.B, none]), mask, method)
+        X, outcomes = found.X[: len(self.X)], found.outcome[: len(self.X)]
+        assert np.isfinite(X).all() and (found.outcome[len(self.X) :] == Outcome.NO_MOTION).all()
+        worst = [errors(one, true) for one, true in zip(X, self.X, strict=True)]
+        return [Outcome(o) for o in outcomes], np.array(worst)
 
 
 def sets(angles: tuple[float | tuple[float, float], ...], seed: int, angles_of_X=(0.0, 1.5, np.pi)) -> Sets:

@@ -8,6 +8,7 @@ import pytest
 from calibration_cases import Simulation, errors, motion
 
 from jaxmodel.calibrate import calibrate_poses, solve
+from jaxmodel.calibrate.many_poses import solve_many_poses
 from jaxmodel.geometry import se3
 
 cv2 = pytest.importorskip("cv2", reason="the extra `images` is not installed")
@@ -24,14 +25,21 @@ THEIRS = {
 
 
 def noisy_poses(seed: int, noise: float, angle_of_X: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Six poses whose fifteen motions turn by 20 to 110 degrees: what OpenCV's TSAI keeps."""
+    """Six poses whose fifteen motions turn by 20 to 110 degrees: what OpenCV's TSAI keeps.
+
+    Lengths are in units of the motions' root mean square: ours takes it for dual quaternions, OpenCV the data's unit.
+    """
     s = Simulation(seed)
     X, Z = s.X(angle_of_X), s.X()
     while True:
         hand = np.stack([motion(s.rng.uniform(0.2, 0.95) * s.unit(), 0.5 * s.rng.normal(size=3)) for _ in range(6)])
         angles = se3.rotation_angle_deg(motions_of(hand, hand)[0][:, :3, :3])
         if angles.min() > 20 and angles.max() < 110:
-            return hand, s.noisy(np.linalg.inv(hand @ X) @ Z, noise, noise), X
+            camera = s.noisy(np.linalg.inv(hand @ X) @ Z, noise, noise)
+            moved = np.concatenate(motions_of(hand, camera))[:, :3, 3]
+            for T in (hand, camera, X):
+                T[..., :3, 3] /= np.sqrt(np.mean(np.sum(moved**2, axis=1)))
+            return hand, camera, X
 
 
 def motions_of(hand: np.ndarray, camera: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -59,6 +67,16 @@ def test_the_same_algorithm_gives_the_same_answer(method, seed, noise):
     ours, reference = solve(A, B, method).X, theirs(THEIRS[method], hand, camera)
     np.testing.assert_allclose(ours, reference, rtol=0, atol=1e-6)
     assert errors(reference, X)[0] > 1e-4  # the noise is there
+
+
+def test_one_step_over_sums_of_poses_is_andreff():
+    """A list of poses and its reverse: OpenCV then forms each pair as often in the one as in the other direction."""
+    hand, camera, X = (np.stack(each) for each in zip(*(noisy_poses(20 + k, 0.01) for k in range(4)), strict=True))
+    found = solve_many_poses(hand, camera, method="linear_one_step")
+    for one, h, c, true in zip(found, hand, camera, X, strict=True):
+        reference = theirs("ANDREFF", np.concatenate([h, h[::-1]]), np.concatenate([c, c[::-1]]))
+        np.testing.assert_allclose(one, reference, rtol=0, atol=1e-6)
+        assert errors(reference, true)[0] > 1e-4
 
 
 def test_the_same_poses_give_answers_within_the_noise():

@@ -13,6 +13,8 @@ from jaxmodel.errors import InputError
 
 EVERY = sorted(METHODS)
 SCALED = [name for name in EVERY if name != "quaternion_penalty"]
+# one step and the published penalty weigh rotation against translation by the unit of length
+UNIT_FREE = [name for name in EVERY if name not in ("linear_one_step", "quaternion_penalty")]
 
 
 @pytest.mark.parametrize("method", EVERY)
@@ -73,15 +75,53 @@ def test_order_and_padding_change_nothing(method):
     orders = np.stack([s.rng.permutation(11) for _ in range(1000)])
     permuted = solve_many(A[orders], B[orders], None, method, verdict=False)
     np.testing.assert_allclose(permuted.X, np.broadcast_to(reference, permuted.X.shape), rtol=0, atol=1e-9)
-    padded_A, padded_B = np.full((1, 40, 4, 4), np.nan), np.full((1, 40, 4, 4), np.nan)
-    rows = np.sort(s.rng.choice(40, 11, replace=False))
+    padded_A, padded_B = np.full((1, 16, 4, 4), np.nan), np.full((1, 16, 4, 4), np.nan)
+    rows = np.sort(s.rng.choice(16, 11, replace=False))
     padded_A[0, rows], padded_B[0, rows] = A, B
-    mask = np.zeros((1, 40), bool)
+    mask = np.zeros((1, 16), bool)
     mask[0, rows] = True
     padded = solve_many(padded_A, padded_B, mask, method)
     np.testing.assert_allclose(padded.X[0], reference, rtol=0, atol=1e-9)
     assert padded.outcome[0] == Outcome.SOLVED
     assert np.isnan(padded.rotation_residuals[0, ~mask[0]]).all()
+
+
+def answer(A: np.ndarray, B: np.ndarray, method: str) -> np.ndarray:
+    """A method's answer as it is, in the shape of ``solve``: nothing is compiled anew."""
+    rest = np.broadcast_to(np.eye(4), (16 - len(A), 4, 4))
+    mask = np.arange(16)[None] < len(A)
+    A, B = (np.concatenate([T, rest])[None] for T in (A, B))
+    return solve_many(A, B, mask, method, verdict=False).X[0]
+
+
+@pytest.mark.parametrize("method", UNIT_FREE)
+def test_metres_and_millimetres_give_one_answer(method):
+    """Motions of any size, as noisy as they are small: the answer in millimetres is that in metres times 1000."""
+    s = Simulation(16)
+    X = s.X()
+    B = np.stack([s.motions(11, angle) for angle in (1.0, 0.1, 1e-3) for _ in range(4)])
+    A = s.noisy(conjugate(X, B), 1e-4, 1e-3)
+    A[:4], A[4:8] = s.noisy(conjugate(X, B[:4]), 0.02, 0.02), s.noisy(conjugate(X, B[4:8]), 0.01, 0.02)
+    metres = np.stack([answer(a, b, method) for a, b in zip(A, B, strict=True)])
+    A[..., :3, 3] *= 1000
+    B[..., :3, 3] *= 1000
+    millimetres = np.stack([answer(a, b, method) for a, b in zip(A, B, strict=True)])
+    np.testing.assert_allclose(millimetres[:, :3, :3], metres[:, :3, :3], rtol=0, atol=1e-9)
+    lengths = np.linalg.norm(metres[:, :3, 3], axis=1)
+    assert (np.linalg.norm(millimetres[:, :3, 3] / 1000 - metres[:, :3, 3], axis=1) < 1e-9 * lengths).all()
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-3])
+@pytest.mark.parametrize("unknown_scale", [False, True])
+def test_one_step_answers_pure_rotations_as_the_two_steps(noise, unknown_scale):
+    """Without translations of B nothing says how long vec R_X is: eq. 3.12 decouples (Propositions 1 and 2)."""
+    s = Simulation(17)
+    X, B = s.X(), s.motions(12, (0.3, 2.0), length=0.0)
+    A, B = s.noisy(conjugate(X, B), noise, noise), s.noisy(B, 0.0, noise)
+    one, two = (solve(A, B, method, unknown_scale) for method in ("linear_one_step", "linear"))
+    assert one.outcome is two.outcome is (Outcome.SCALE_TIED if unknown_scale else Outcome.SOLVED)
+    np.testing.assert_allclose(one.X, two.X, rtol=0, atol=1e-9)
+    assert errors(one.X, X)[0] < (3 * noise if noise else 1e-9)
 
 
 @pytest.mark.parametrize("method", EVERY)

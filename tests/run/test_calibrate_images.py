@@ -26,6 +26,11 @@ def test_franka_from_its_images(tmp_path, data_dir):
     published = Rotation.from_rotvec(PUBLISHED["rotation_vector"]).as_matrix()
     assert np.linalg.norm(T[:3, 3] - PUBLISHED["translation"]) < 0.002
     assert np.degrees(Rotation.from_matrix(T[:3, :3] @ published.T).magnitude()) < 0.5
+    # the sheet that the board is printed on has the sides of A4, which makes its squares 26.1 mm (1.106 times 23.6 mm)
+    notes = json.loads((out / "summary.json").read_text())["notes"]
+    (note,) = [note for note in notes if "the camera's lengths would fit the hand's better times" in note]
+    times, deviation = (float(note.split(word)[1].split()[0].strip("),")) for word in ("times ", "deviation "))
+    assert abs(times - 1.106) < 2.1 * deviation < times - 1.0  # 95 % of Student's 17 degrees of freedom
     inputs = json.loads((out / "manifest.json").read_text())["inputs"]
     assert len([name for name in inputs if name.endswith(".png")]) == 8 and camera in inputs
     assert len([name for name in inputs if "pose_rPe" in name]) == 8

@@ -1,6 +1,7 @@
 """From the words of a calibration to paired poses: streams, clocks, names, pictures."""
 
-from dataclasses import dataclass
+import sys
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -177,6 +178,8 @@ class TargetPoses:
     reprojection_px: np.ndarray
     camera: Camera
     ambiguous: np.ndarray
+    dropped: np.ndarray
+    misread: np.ndarray
 
 
 @pytest.fixture
@@ -195,13 +198,14 @@ def pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
         poses = np.where(found[:, None, None], CAMERA[numbers], np.nan)
         pixels = np.where(found, 0.3, np.nan)
         camera = Camera(np.array([[600.0, 0, 320], [0, 601, 240], [0, 0, 1]]))
-        return TargetPoses(poses, found, pixels, camera, np.array([number == 2 for number in numbers]))
+        doubtful, none = np.array([number == 2 for number in numbers]), np.zeros(len(numbers), int)
+        return TargetPoses(poses, found, pixels, camera, doubtful, none, none.astype(bool))
 
     detector, reader = ModuleType("jaxmodel.calibrate.images"), ModuleType("jaxmodel.io.camera")
     detector.__dict__.update(Target=Target, target_poses=target_poses)
     reader.__dict__.update(load_camera=lambda path: ("camera of", path))
-    monkeypatch.setitem(__import__("sys").modules, "jaxmodel.calibrate.images", detector)
-    monkeypatch.setitem(__import__("sys").modules, "jaxmodel.io.camera", reader)
+    monkeypatch.setitem(sys.modules, "jaxmodel.calibrate.images", detector)
+    monkeypatch.setitem(sys.modules, "jaxmodel.io.camera", reader)
     return calls
 
 
@@ -255,6 +259,50 @@ def test_pictures_that_do_not_fit_the_poses(tmp_path, pictures):
         load_poses(config(path, images={"folder": str(tmp_path / "empty"), "target": "chessboard:9x6:0.025"}))
     with pytest.raises(InputError, match="setup is moving-frames, but images give T_camera_target"):
         load_poses(config(path, images=images_of(tmp_path), setup="moving-frames"))
+
+
+def test_stray_corners_and_misread_pictures_are_counted_and_named(tmp_path, pictures):
+    detector: Any = sys.modules["jaxmodel.calibrate.images"]  # the one that stands in, not the package's attribute
+
+    def spoiled(*given: Any, of: Any = detector.target_poses) -> TargetPoses:
+        whole, number = of(*given), np.arange(12)
+        return replace(whole, dropped=np.where(number == 10, 2, number == 0), misread=number == 4)
+
+    detector.target_poses = spoiled
+    found = load_poses(config(files.write(tmp_path / "robot.csv", hand=HAND), images=images_of(tmp_path)))
+    assert found.notes[0].startswith("the corners found in shot5.png are in an order or at places that no view of the")
+    assert found.notes[1].endswith("where all the others put them are left out: 1 in shot1.png, 2 in shot11.png")
+    assert not any("not found in" in note for note in found.notes)
+
+
+def test_pictures_are_in_the_order_of_their_numbers(tmp_path, pictures):
+    """Wherever in the name the numbers are; leading zeros or not."""
+    for k in range(12):
+        (tmp_path / "shots" / f"shot{k + 1}.png").rename(tmp_path / "shots" / f"run2_{k + 1}_left.png")
+    path = files.write(tmp_path / "robot.csv", hand=HAND)
+    with pytest.raises(ValueError, match="run2_1_left"):  # the detector that stands in reads names of another form
+        load_poses(config(path, images=images_of(tmp_path)))
+    found = [file.name for file in pictures[0][0]]
+    assert found == [f"run2_{k + 1}_left.png" for k in range(12)]
+
+
+def test_a_number_that_two_pictures_end_in_names_neither(tmp_path, pictures):
+    path = tmp_path / "robot.csv"
+    lines = files.write(path, hand=HAND).read_text().splitlines()
+    path.write_text("\n".join([f"image,{lines[0]}", f"pose3,{lines[3]}", f"pose4,{lines[4]}"]))
+    np.testing.assert_array_equal(load_poses(config(path, images=images_of(tmp_path))).camera, CAMERA[[2, 3]])
+    (tmp_path / "shots" / "other3.png").write_bytes(b"")
+    with pytest.raises(InputError, match="holds no picture for the pose 'pose3'"):
+        load_poses(config(path, images=images_of(tmp_path)))
+
+
+def test_pictures_without_a_target_need_words_that_suit_them(tmp_path, pictures):
+    path, images = files.write(tmp_path / "robot.csv", hand=HAND), {"folder": str(tmp_path / "shots")}
+    for more in ({}, {"scales": "one"}, {"setup": "moving-frames"}):
+        with pytest.raises(InputError, match="expected --setup moving-frames and --unknown-scale, or a --target"):
+            load_poses(config(path, images=images, **more))
+    with pytest.raises(InputError, match="do not tell the camera's intrinsics; give --camera"):
+        load_poses(config(path, images=images, setup="moving-frames", scales="one"))
 
 
 def test_too_few_pictures_with_the_target(tmp_path, pictures):

@@ -5,6 +5,7 @@ import polars
 import pytest
 
 from jaxmodel.run import hand_eye_claims as claims
+from jaxmodel.run.hand_eye_protocol import agreement
 
 CLAIM = claims.Claim("a is better", claims.ROTATION, "a", "b")
 
@@ -45,3 +46,18 @@ def test_the_described_rms_is_that_of_the_reports_measure() -> None:
     of = claims.described(cell(np.array([5.0, 10.0]), np.ones(2)), "a")
     expected = np.sqrt((1.9036e-3**2 + 7.6106e-3**2) / 2)  # Table 3.2
     assert of["rotation_rms"] == pytest.approx(expected, rel=1e-4) and of["rotation_median_deg"] == 7.5
+
+
+def test_no_worse_is_a_ratio_below_a_tenth_more() -> None:
+    errors = np.exp(np.random.default_rng(1).normal(size=2000))
+    for factor, verdict in ((1.05, "confirmed"), (1.2, "contradicted")):
+        found = claims.tested(CLAIM._replace(margin=claims.NO_WORSE), [cell(factor * errors, errors)], 200, 0)
+        assert found["rms"]["verdict"] == found["typical"]["verdict"] == verdict
+        assert claims.tested(CLAIM, [cell(factor * errors, errors)], 200, 0)["typical"]["verdict"] == "contradicted"
+
+
+def test_a_published_value_is_placed_beside_ours() -> None:
+    ours = {"value": 2.0, "low": 1.0, "high": 4.0}
+    placed = [agreement(value, ours)[2] for value in (0.5, 1.0, 3.0, 5.0, None)]
+    assert placed == ["below ours", "in our 90 %", "in our 90 %", "above ours", ""]
+    assert agreement(0.5, ours)[:2] == ("0.5", "2 (1 to 4)")

@@ -5,9 +5,10 @@ import json
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from jaxmodel.view.chart_drawing import COLORS, chart_png, panel_plot
+from jaxmodel.view.chart_drawing import COLORS, chart_png, panel_plot, whole_decades
 from jaxmodel.view.charts import Chart, Panel, Series
 
 LINE = Series("contours", [1, 2, 3], [0.5, 0.25, np.nan], [0.4, 0.2, np.nan], [0.6, 0.45, np.nan])
@@ -64,3 +65,24 @@ def test_names_make_categories_and_logarithms_make_log_axes() -> None:
     assert tree["data"][0]["type"] == "bar" and tree["layout"]["xaxis"]["type"] == "category"
     assert panel_plot(panel(LINE, log=True))["layout"]["xaxis"]["type"] == "log"
     assert panel_plot(panel(LINE, log=True))["layout"]["yaxis"]["type"] == "log"
+
+
+def test_curves_that_all_panels_share_have_one_legend_below_them() -> None:
+    other = LINE._replace(label="vertices")
+    plain, shared = (pixels(Chart("c", "C", [panel(*series)] * 2)) for series in ([LINE], [LINE, other]))
+    foot = shared.shape[0] - plain.shape[0]
+    assert foot > 10 and colored(shared[-foot:], COLORS[0]) > 10 and colored(shared[-foot:], COLORS[1]) > 10
+    own = pixels(Chart("c", "C", [panel(LINE, other), panel(LINE, other._replace(label="contours too"))]))
+    assert own.shape == plain.shape
+
+
+@pytest.mark.parametrize("values", [[2e-6, 7e-6], [3.0, 40.0], [9.0, 11.0]])
+def test_logarithmic_axes_show_two_powers_of_ten(values: list[float]) -> None:
+    figure = Figure()
+    axes = figure.subplots()
+    axes.plot([0, 1], values)
+    axes.set_yscale("log")
+    whole_decades(axes)
+    low, high = axes.get_ylim()
+    assert low <= min(values) and high >= max(values)
+    assert np.floor(np.log10(high) + 1e-9) - np.ceil(np.log10(low) - 1e-9) >= 1
