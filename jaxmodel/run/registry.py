@@ -19,6 +19,7 @@ from jaxmodel.view.table import Table
 EXPERIMENTS = {
     "convergence": "jaxmodel.run.convergence",
     "edges": "jaxmodel.run.edge_quality",
+    "mesh_quality": "jaxmodel.run.meshing.quality_study",
     "resolution": "jaxmodel.run.resolution",
     "overlap": "jaxmodel.run.overlap",
     "iterations": "jaxmodel.run.iterations",
