@@ -1,4 +1,4 @@
-"""Files of H. Hoppe's surface reconstruction thesis (1994): points (lines ``p x y z``) and the meshes he made of them."""
+"""Files of H. Hoppe's surface reconstruction thesis (1994): points (lines ``p x y z``) and meshes of them."""
 
 from pathlib import Path
 

@@ -29,10 +29,10 @@ def regular_pot(count: int) -> Float[np.ndarray, "n 3"]:
 
 def _parts(spacing: float) -> Float[np.ndarray, "n 3"]:
     body = _ellipsoid(_BODY, spacing)
-    knob = _ellipsoid(np.full(3, _KNOB), spacing) + [0, 0, _KNOB_HEIGHT]
+    knob = _ellipsoid(np.full(3, _KNOB), spacing) + np.array([0, 0, _KNOB_HEIGHT])
     major, minor, at = _HANDLE
     around, across = (max(8, round(2 * np.pi * radius / spacing)) for radius in (major, minor))
-    handle = ring(major, minor, around, across).vertices[:, [0, 2, 1]] + [at, 0, 0]
+    handle = ring(major, minor, around, across).vertices[:, [0, 2, 1]] + np.array([at, 0, 0])
     spout = _spout(spacing)
     parts = [body, knob, handle, spout]
     inside = [_in_body, _in_knob, _in_handle, _in_spout]

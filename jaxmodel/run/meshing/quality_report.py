@@ -107,7 +107,7 @@ def draw(folder: RunDir, summary: Mapping[str, Any]) -> list[str]:
         written.append(name)
     about = {
         **facts(manifest),
-        "time": "of the processor, all threads; the least of the runs of a method: compilation counts only if there is one",
+        "time": "of the processor, all threads; the least of a method's runs, compilation counts in a single run only",
     }
     shown = tables(summary, manifest["command"])
     title = "Quality of meshes (thesis §3.5, Table 3.2)"

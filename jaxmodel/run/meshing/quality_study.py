@@ -1,8 +1,8 @@
 """The experiment ``mesh_quality`` (thesis §3.5, Table 3.2): ball pivoting against the deformable surface, and others.
 
-Every cloud is meshed by every method; the passes of the ball and single radii against each other come with it. Table 3.2
-gives triangles, both qualities and time; how far the points lie from the mesh, its border and its parts are added here,
-since a mesh can have perfect triangles and be nowhere near the points.
+Every cloud is meshed by every method; the passes of the ball and single radii against each other come with it. Table
+3.2 gives triangles, both qualities and time; how far the points lie from the mesh, its border and its parts are added
+here, since a mesh can have perfect triangles and be nowhere near the points.
 """
 
 import time
@@ -67,9 +67,9 @@ class Config:
 
     def __post_init__(self) -> None:
         names = [spec.name for spec in self.objects]
-        for value, word in ((self.seed, "seed"), (self.runs - 1, "runs - 1")):
-            if value < 0:
-                raise ValueError(f"{word} is {value}, expected 0 or more")
+        for word, value, least in (("seed", self.seed, 0), ("runs", self.runs, 1)):
+            if value < least:
+                raise ValueError(f"{word} is {value}, expected {least} or more")
         if not names or not self.methods:
             raise ValueError("objects and methods must each name at least one")
         if len(set(names)) < len(names) or len(set(self.methods)) < len(self.methods):
@@ -77,12 +77,14 @@ class Config:
         for name in (*self.sweep, *self.passes):
             if name not in names:
                 raise ValueError(f"sweep and passes name {name!r}, expected one of {', '.join(names)}")
+        known = published_table("mesh_quality")
         for spec in self.objects:
-            known = published_table("mesh_quality")["objects"]
-            if spec.stands_for and spec.stands_for not in known:
-                raise ValueError(f"stands_for is {spec.stands_for!r}, expected one of {', '.join(known)}")
-            if spec.name in self.passes and spec.stands_for not in published_table("mesh_quality")["passes"]:
-                raise ValueError(f"passes names {spec.name!r}, but the thesis has no table of passes of what it stands for")
+            if spec.stands_for and spec.stands_for not in known["objects"]:
+                raise ValueError(f"stands_for is {spec.stands_for!r}, expected one of {', '.join(known['objects'])}")
+            if spec.name in self.passes and spec.stands_for not in known["passes"]:
+                raise ValueError(
+                    f"passes names {spec.name!r}, expected one that stands for {' or '.join(known['passes'])}"
+                )
         if any(not 0 < radius <= 10 for radius in self.radii):
             raise ValueError(f"radii is {list(self.radii)}, expected above 0 to 10 spacings")
 
@@ -149,7 +151,7 @@ def prepare(config: Config) -> MeshQuality:
     return MeshQuality(config)
 
 
-def _cloud_facts(measured: Measured) -> dict[str, float]:
+def _cloud_facts(measured: Measured) -> dict[str, int | float]:
     scale = cloud_scale(measured.points)
     return {
         "points": len(measured.points),

@@ -128,8 +128,8 @@ def _ranking(summary: Mapping[str, Any]) -> list[Table]:
             rows.append((criterion.name, f"{_object(summary, name)}, order {order}", printed.text, *cells))
         if published_wins:
             counted = [
-                f"{ours_wins[method]} of {len(seen)}; {sum(seen)} of {len(seen)} rows as published" if seen else "not run"
-                for method, seen in agree.items()
+                f"{ours_wins[of]} of {len(seen)}; {sum(seen)} of {len(seen)} rows as published" if seen else "not run"
+                for of, seen in agree.items()
             ]
             counts.append((criterion.name, f"{sum(published_wins)} of {len(published_wins)}", *counted))
     if not counts:
@@ -192,8 +192,9 @@ def _statements(summary: Mapping[str, Any]) -> Table:
             counts = np.array(plain["Q_equ_counts"])
             peak = int(np.argmax(counts))
             right = published_table("mesh_quality")["right_isosceles_Q_equ"]
-            text = f"most triangles from {peak / BINS:.2f} to {(peak + 1) / BINS:.2f}: {counts[peak] / counts.sum():.0%}"
-            rows.append((name, f"most triangles are right ones, Q_equ {right}", text, _verdict(peak == int(right * BINS))))
+            text = f"most from {peak / BINS:.2f} to {(peak + 1) / BINS:.2f}: {counts[peak] / counts.sum():.0%}"
+            said = f"most triangles are right ones, Q_equ {right}"
+            rows.append((name, said, text, _verdict(peak == int(right * BINS))))
         if surface and stands_for:
             text = f"border {surface['border_length']:.4g}, {surface['components']} part"
             good = surface["border_length"] == 0 and surface["components"] == 1
@@ -207,9 +208,9 @@ def _passes(name: str, summary: Mapping[str, Any], command: str) -> Table:
     both: dict[bool, list[Mapping[str, Any]]] = {False: [], True: []}
     for row in summary["passes"][name]:
         both[row["thinned"]].append(row)
-    words = {thinned: f"{'one sheet' if thinned else 'as it is'}, {of[0]['points']} points" for thinned, of in both.items()}
-    for word in words.values():
-        columns += (f"{word}: seconds", "triangles", "points used", "border / spacing")
+    for thinned, of in both.items():
+        word = "one sheet" if thinned else "as it is"
+        columns += (f"{word}, {of[0]['points']} points: seconds", "triangles", "points used", "border / spacing")
     rows = []
     for i, radius in enumerate(printed["radius"]):
         cells = [f"{radius / printed['radius'][0]:.2f} ({radius})"]

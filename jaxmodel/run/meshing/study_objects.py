@@ -1,7 +1,7 @@
-"""The clouds of the experiment ``mesh_quality``: those of thesis §3.5.2, or what stands for them, with their references.
+"""The clouds of the experiment ``mesh_quality``: those of thesis §3.5.2, or stand-ins, with their references.
 
-The thesis's ``scurv``, ``halfhead`` and ``teapot`` are not public: a fusion of scans with errors of registration, a head
-scanned at varying density and a pot sampled on regular grids stand for them.
+The thesis's ``scurv``, ``halfhead`` and ``teapot`` are not public: a fusion of scans with errors of registration, a
+head scanned at varying density and a pot sampled on regular grids stand for them.
 """
 
 from dataclasses import dataclass
