@@ -128,5 +128,5 @@ def _views(folder: RunDir, summary: Mapping[str, Any]) -> list[MeshView]:
     return views
 
 
-def _or_nan(value: float | None) -> float:
+def _or_nan(value: float | int | None) -> float | int:
     return np.nan if value is None else value

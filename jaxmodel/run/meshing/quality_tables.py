@@ -287,10 +287,10 @@ def _verdict(holds: bool) -> str:
     return "reproduced" if holds else "contradicted"
 
 
-def _beside(published: float | None, ours: float | None, digits: str) -> str:
+def _beside(published: float | int | None, ours: float | int | None, digits: str) -> str:
     mine = _number(ours, digits)
     return mine if published is None else f"{published:{digits}} | {mine or 'none'}"
 
 
-def _number(value: float | None, digits: str) -> str:
+def _number(value: float | int | None, digits: str) -> str:
     return "" if value is None or not np.isfinite(value) else f"{value:{digits}}"
