@@ -111,11 +111,12 @@ class MeshQuality(Prepared):
             spacing = cloud_scale(subject.measured.points).spacing
             for place, method in enumerate(config.methods):
                 progress.describe(f"{subject.name}, {method}")
-                if place not in parts:
-                    parts[place] = _meshed(folder, subject, spacing, method, config.runs)
-                    folder.write_part(key, place, parts[place])
+                if method != "ball_thinned" or subject.stands_for:
+                    if place not in parts:
+                        parts[place] = _meshed(folder, subject, spacing, method, config.runs)
+                        folder.write_part(key, place, parts[place])
+                    done.append(parts[place])
                 progress.advance(1)
-                done.append(parts[place])
             done.append(_referenced(folder, subject, spacing))
             progress.describe(f"{subject.name}, single balls and passes")
             for what, chosen, make in (("sweep", config.sweep, self._sweep), ("passes", config.passes, _passes)):
@@ -174,11 +175,9 @@ def _passes(subject: Subject) -> polars.DataFrame:
 
 
 def _meshed(folder: RunDir, subject: Subject, spacing: float, method: str, runs: int) -> polars.DataFrame:
-    """One method on one cloud, its mesh written; no rows where the method does not apply."""
+    """One method on one cloud, its mesh written; a method that fails leaves its sentence."""
     options = _OPTIONS[method]
     if method == "ball_thinned":
-        if not subject.stands_for:
-            return polars.DataFrame()
         wanted = published_table("mesh_quality")["objects"][subject.stands_for]["ball"]["vertices"]
         options = options._replace(thinning=thinning_for(subject.measured, wanted) or None)
     times, made, failure = [], None, ""
