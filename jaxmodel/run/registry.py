@@ -20,6 +20,7 @@ EXPERIMENTS = {
     "convergence": "jaxmodel.run.convergence",
     "edges": "jaxmodel.run.edge_quality",
     "mesh_segments": "jaxmodel.run.meshing.segments_study",
+    "mesh_quality": "jaxmodel.run.meshing.quality_study",
     "resolution": "jaxmodel.run.resolution",
     "overlap": "jaxmodel.run.overlap",
     "iterations": "jaxmodel.run.iterations",

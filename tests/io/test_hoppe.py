@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jaxmodel.errors import InputError
-from jaxmodel.io.hoppe import read_hoppe
+from jaxmodel.io.hoppe import read_hoppe, read_hoppe_mesh
 from jaxmodel.io.scans import load_scan
 
 PATH = Path("cat.pts")
@@ -29,3 +29,18 @@ def test_any_other_line_is_named(line):
 )
 def test_published_counts(data_dir, name, count):
     assert len(load_scan(data_dir / "hoppe_points" / f"{name}.pts").points) == count
+
+
+def test_meshes_with_gaps_in_their_ids() -> None:
+    text = (
+        "Vertex 2  0 0 0 {normal=(0 0 1)}\nVertex 7 1 0 0\nVertex 9 0 1 0\nEdge 2 7 {sharp}\nFace 4  2 7 9 {matid=0}\n"
+    )
+    mesh = read_hoppe_mesh(text, PATH)
+    np.testing.assert_array_equal(mesh.vertices, [[0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    np.testing.assert_array_equal(mesh.faces, [[0, 1, 2]])
+
+
+@pytest.mark.parametrize("line", ["Vertex 1 0 0", "Face 1 1 2 3", "Vertex a 0 0 0", "Corner 1 0 0 0"])
+def test_a_damaged_mesh_names_file_and_line(line: str) -> None:
+    with pytest.raises(InputError, match=r"line 2"):
+        read_hoppe_mesh(f"Vertex 1 0 0 0\n{line}\n", PATH)
