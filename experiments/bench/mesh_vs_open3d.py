@@ -55,7 +55,8 @@ def load_scene() -> Scene:
         normals.append(np.asarray(cloud.normals, np.float64))
         eyes.append(np.tile(T_world_scan @ image.eye, (len(cloud), 1)))
     reference = load_mesh(Path(root) / "stanford_bunny" / "reconstruction" / "bun_zipper.ply")
-    return Scene("bunny", *(np.concatenate(part) for part in (points, normals, eyes)), reference, 1000.0)
+    whole = np.concatenate(points), np.concatenate(normals), np.concatenate(eyes)
+    return Scene("bunny", *whole, reference, 1000.0)
 
 
 def _torus() -> Scene:

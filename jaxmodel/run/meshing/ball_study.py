@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from jaxmodel.errors import InputError
-from jaxmodel.mesh.closing import border_length
+from jaxmodel.mesh.adjacency import adjacency, border_length
 from jaxmodel.mesh.passes import run_passes
 from jaxmodel.mesh.prepare import prepare
 from jaxmodel.mesh.quality import quality
@@ -97,7 +97,7 @@ def timed_passes(sheet: Sheet, growth: Sequence[float]) -> list[dict[str, Any]]:
                 "radius": radius / sheet.spacing,
                 "seconds": seconds,
                 "triangles": len(faces) - before,
-                "border_length": border_length(sheet.points, faces) / sheet.spacing,
+                "border_length": border_length(sheet.points, adjacency(faces)) / sheet.spacing,
                 "used": len(np.unique(faces)) / len(sheet.points),
             }
         )

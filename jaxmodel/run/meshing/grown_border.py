@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxmodel.io.datasets import MeshViews, StanfordBunny
-from jaxmodel.mesh.from_meshes import vertex_normals
+from jaxmodel.mesh.adjacency import vertex_normals
 from jaxmodel.mesh.incremental import GrowingMesh, add_view
 from jaxmodel.mesh.lying_over import lying_over
 from jaxmodel.mesh.manifold import clean

@@ -14,9 +14,10 @@ import numpy as np
 import polars
 
 from jaxmodel.errors import InputError, RunError
-from jaxmodel.io.mesh_writing import mesh_bytes, vertex_normals
+from jaxmodel.io.mesh_writing import mesh_bytes
 from jaxmodel.io.results import RunDir
 from jaxmodel.io.strict_yaml import unstructure
+from jaxmodel.mesh.adjacency import vertex_normals
 from jaxmodel.mesh.distance import surface_distance, to_surface
 from jaxmodel.mesh.quality import quality
 from jaxmodel.mesh.radii import cloud_scale

@@ -87,7 +87,7 @@ def _nine_facets(errors: Errors, seed: int) -> Scene:
 
 
 def _cube(sigma: float) -> Callable[[Errors, int], Scene]:
-    """Fourteen views of a cube, onto its sides and its corners, of half as many pixels across and in their true places."""
+    """Fourteen views of a cube, onto its sides and its corners, half as many pixels across, in their true places."""
 
     def scene(errors: Errors, seed: int) -> Scene:
         mesh = box((-0.5, -0.5, -0.5), (0.5, 0.5, 0.5))
@@ -100,7 +100,8 @@ def _cube(sigma: float) -> Callable[[Errors, int], Scene]:
 
 def _solid(mesh: ObjectMesh, planes: int, noise: Noise | None, errors: Errors, seed: int) -> Scene:
     """A convex solid from all sides: a view onto each of its planes, of a cube onto its corners too."""
-    vectors = np.cross(*(mesh.vertices[mesh.faces[:, k]] - mesh.vertices[mesh.faces[:, 0]] for k in (1, 2)))
+    first, second, third = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    vectors = np.cross(second - first, third - first)
     normals = np.unique(np.round(vectors / np.linalg.norm(vectors, axis=1, keepdims=True), 6), axis=0)
     poses = [look_at(_AWAY * normal, np.zeros(3)) for normal in normals]
     if len(normals) == 6:

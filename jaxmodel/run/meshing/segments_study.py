@@ -12,9 +12,10 @@ from typing import Any, Literal, cast
 import numpy as np
 import polars
 
-from jaxmodel.io.mesh_writing import mesh_bytes, vertex_normals
+from jaxmodel.io.mesh_writing import mesh_bytes
 from jaxmodel.io.results import RunDir
 from jaxmodel.io.strict_yaml import unstructure
+from jaxmodel.mesh.adjacency import vertex_normals
 from jaxmodel.mesh.ball_pivoting import Pivoting, ball_pivoting
 from jaxmodel.mesh.from_meshes import pivot_views
 from jaxmodel.mesh.lying_over import lying_over
