@@ -87,7 +87,7 @@ def _nine_facets(errors: Errors, seed: int) -> Scene:
 
 
 def _cube(sigma: float) -> Callable[[Errors, int], Scene]:
-    """Fourteen views of a cube, onto its sides and its corners, of half as many pixels across and in their true places."""
+    """Fourteen views of a cube, onto sides and corners, of half as many pixels across and in their true places."""
 
     def scene(errors: Errors, seed: int) -> Scene:
         mesh = box((-0.5, -0.5, -0.5), (0.5, 0.5, 0.5))
