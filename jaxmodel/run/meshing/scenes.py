@@ -125,7 +125,7 @@ def _stereo(errors: Errors, seed: int) -> Scene:
     floor = box((-1.2, -1.2, -0.02), (1.2, 1.2, 0.0))
     target = np.array([0.0, 0.0, 0.4])
     poses = [look_at(np.array([x, -2.0, 1.5]), target) for x in (-0.35, 0.35)]
-    sensor = Sensor(width=2 * errors.pixels, height=3 * errors.pixels // 2, field_of_view_deg=50)
+    sensor = Sensor(width=2 * errors.pixels, height=3 * errors.pixels // 2, field_of_view_deg=50.0)
     noise = Stereo(sigma=0.0008, correlation_px=1.0, unit="data")
     made = _scanned(join(floor, board, *chair), poses, sensor, noise, errors, seed, None, 2, 2)
     return made._replace(noise=noise.sigma * float(np.linalg.norm(poses[0][:3, 3] - target)) ** 2)
@@ -144,7 +144,7 @@ def _two_tables(errors: Errors, seed: int) -> Scene:
     """Two table tops at one height with a gap between them, from above on both sides: two segments in one plane."""
     tops = [box((-1.0, -0.4, 0), (-0.1, 0.4, 0.03)), box((0.1, -0.4, 0), (1.0, 0.4, 0.03))]
     poses = [look_at(np.array([x, -1.0, 4.0]), np.zeros(3)) for x in (-1.0, 1.0)]
-    sensor = Sensor(width=2 * errors.pixels, height=errors.pixels, field_of_view_deg=_FIELD_DEG, maximum_range=10)
+    sensor = Sensor(width=2 * errors.pixels, height=errors.pixels, field_of_view_deg=44.0)
     return _scanned(join(*tops), poses, sensor, Laser(), errors, seed, None, 1, 2)
 
 
