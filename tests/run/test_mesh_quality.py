@@ -77,17 +77,21 @@ def test_the_sweep_and_the_passes_are_kept(out: Path) -> None:
 
 def test_the_tables_stand_beside_the_thesis(out: Path) -> None:
     summary = json.loads((out / "summary.json").read_text())
-    shown = {table.title.split(":")[0].split(",")[0]: table for table in tables(summary, "jaxmodel run x")}
+    shown = {table.title.split(":")[0]: table for table in tables(summary, "jaxmodel run x")}
     assert all(len(row) == len(table.columns) for table in shown.values() for row in table.rows)
-    main = next(row for row in shown["Table 3.2"].rows if row[:2] == ("stone for scurv", "ball pivoting, all points"))
+    main = next(
+        row for row in list(shown.values())[-1].rows if row[:2] == ("stone for scurv", "ball pivoting, all points")
+    )
     assert main[2].startswith("5302 | ") and main[4].startswith("0.6905 | ") and main[6].startswith("256 | ")
-    known = {row[0]: row[1:] for row in shown["The criteria on known shapes (Figs 3.13"].rows}
+    known = {row[0]: row[1:] for row in shown["The criteria on known shapes (Figs 3.13, 3.14)"].rows}
     assert known["Q_equ, right isosceles triangle"] == ("0.7174", "0.7174")
     ball, surface = by_method(out, "stone")["ball"], by_method(out, "stone")["deformable_5"]
     verdict = "reproduced" if ball["Q_equ"] > surface["Q_equ"] else "contradicted"
-    assert all(row[-1].endswith(verdict) for row in shown["The ranking of Table 3.2"].rows if row[0] == "Q_equ")
+    assert all(
+        row[-1].endswith(verdict) for row in shown["The ranking of Table 3.2, row by row"].rows if row[0] == "Q_equ"
+    )
     passes = next(table for title, table in shown.items() if title.startswith("Passes of the ball"))
-    assert passes.rows[-1][1:3] == ("256.37", "10438")  # as summed up in the thesis's own table of passes
+    assert tuple(passes.rows[-1][1:3]) == ("256.37", "10438")  # as summed up in the thesis's own table of passes
 
 
 def test_a_resumed_run_gives_the_same_table(out: Path, tmp_path: Path) -> None:
