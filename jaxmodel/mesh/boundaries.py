@@ -48,7 +48,16 @@ def take_in_scraps(
     A group is taken in only if all of it is, within so many ``rings`` of triangles and, where given, if it has no more
     triangles than ``most``.
     """
-    grown = _taken(vertices, faces, pairs, surfaces, label, label < 0, reach, rings)
+    grown = label.copy()
+    for _ in range(rings):
+        face, name, cost = _offers(vertices, faces, pairs, surfaces, grown, grown < 0)
+        cost = np.where(cost <= 3 * reach * reach, cost, np.inf)
+        order = np.lexsort((cost, face))
+        first = order[np.flatnonzero(np.diff(face[order], prepend=-1))]
+        first = first[np.isfinite(cost[first])]
+        if len(first) == 0:
+            break
+        grown[face[first]] = name[first]
     scraps = np.flatnonzero(label < 0)
     number = np.full(len(label), -1)
     number[scraps] = np.arange(len(scraps))
@@ -60,40 +69,6 @@ def take_in_scraps(
     if most is not None:
         open_group |= np.bincount(group, minlength=count) > most
     grown[scraps[open_group[group]]] = -1
-    return grown
-
-
-def take_in_bridges(
-    vertices: Float[np.ndarray, "n 3"],
-    faces: Int[np.ndarray, "m 3"],
-    pairs: Int[np.ndarray, "p 2"],
-    surfaces: list[Surface],
-    label: Int[np.ndarray, " m"],
-    reach: float,
-    rings: int,
-) -> Int[np.ndarray, " m"]:
-    """``label`` with the unnamed triangles that have no vertex of their own given to surfaces within ``reach``.
-
-    Such triangles span the gap between points of primitives, as where no point was measured on an edge.
-    """
-    named = np.zeros(len(vertices), bool)
-    named[faces[label >= 0]] = True
-    bridge = (label < 0) & named[faces].all(axis=1)
-    return _taken(vertices, faces, pairs, surfaces, label, bridge, reach, rings)
-
-
-def _taken(vertices, faces, pairs, surfaces, label, wanted, reach, rings):
-    """``label`` with those of the ``wanted`` triangles named that a chain of neighbours leads to, ring by ring."""
-    grown = label.copy()
-    for _ in range(rings):
-        face, name, cost = _offers(vertices, faces, pairs, surfaces, grown, wanted & (grown < 0))
-        cost = np.where(cost <= 3 * reach * reach, cost, np.inf)
-        order = np.lexsort((cost, face))
-        first = order[np.flatnonzero(np.diff(face[order], prepend=-1))]
-        first = first[np.isfinite(cost[first])]
-        if len(first) == 0:
-            break
-        grown[face[first]] = name[first]
     return grown
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from jaxmodel.mesh.adjacency import Adjacency
-from jaxmodel.mesh.boundaries import REACH, settle, split_islands, take_in_bridges, take_in_scraps
+from jaxmodel.mesh.boundaries import REACH, settle, split_islands, take_in_scraps
 from jaxmodel.mesh.creases import CREASE_DEG, angles_deg, smooth_normals, smooth_parts
 from jaxmodel.mesh.flatness import flatness
 from jaxmodel.mesh.primitives import FREE_FORM, Surface, fit_plane, refine
@@ -76,7 +76,6 @@ def label_faces(
     label, origin = split_islands(shared.pairs, areas, label)
     surfaces = [surfaces[k] for k in origin]
     label = take_in_scraps(vertices, faces, shared.pairs, surfaces, label, 1.5 * near + edge, RINGS, FEW)
-    label = take_in_bridges(vertices, faces, shared.pairs, surfaces, label, 1.5 * near + edge, RINGS)
     surfaces = _fitted(vertices, faces, areas, label, surfaces)
     label, surfaces = _with_free_form(label, surfaces, shared.pairs, angle, areas)
     return label, surfaces, smooth_joins(vertices, faces, shared, normals, label, surfaces)

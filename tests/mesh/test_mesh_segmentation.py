@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from jaxmodel.errors import InputError
-from jaxmodel.mesh import Outcome, Segmentation, ball_pivoting, segment
+from jaxmodel.mesh import Outcome, Segmentation, segment
 from jaxmodel.mesh.adjacency import adjacency, face_normals
-from jaxmodel.mesh.distance import sample_surface
 from jaxmodel.scan.known_solids import known_solid
 from jaxmodel.scan.polyhedron import nine_facets, subdivided
 from jaxmodel.scan.triangle_mesh import ObjectMesh, box, icosphere, join, lathe, ring
@@ -83,12 +82,6 @@ def test_a_noisy_cube_is_six_planes(seed: int) -> None:
         assert np.rad2deg(np.arccos(np.abs(plane.direction).max())) < 0.1
         assert plane.rms == pytest.approx(NOISE, rel=0.2)
     assert found.noise == pytest.approx(NOISE, rel=0.2)
-
-
-def test_a_cube_without_a_point_on_its_edges_is_six_planes() -> None:
-    points = sample_surface(CUBE, 4000)
-    made = ball_pivoting(points, np.eye(3)[np.abs(points - 0.5).argmax(axis=1)] * np.sign(points - 0.5))
-    assert kinds(segment(made.mesh)) == {"plane": 6}
 
 
 def test_areas_of_one_plane_that_do_not_touch_stay_apart() -> None:
