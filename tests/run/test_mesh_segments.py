@@ -40,7 +40,7 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_scenes_have_the_thesis_s_counts_and_no_layers(out: Path) -> None:
     rows = {row["scene"]: row for row in polars.read_parquet(out / "results.parquet").to_dicts()}
     assert [rows["one_plane"][key] for key in ("points", "before", "segments", "planes")] == [320, 504, 1, 1]
-    assert [rows["crossing_planes"][key] for key in ("points", "before", "segments", "planes")] == [480, 756, 4, 2]
+    assert [rows["crossing_planes"][key] for key in ("points", "before", "segments", "planes")] == [480, 756, 2, 2]
     assert [rows["two_tables"][key] for key in ("segments", "planes", "components")] == [2, 1, 2]
     for row in rows.values():
         assert row["lying_over"] == 0
