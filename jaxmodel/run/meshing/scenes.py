@@ -12,6 +12,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from jaxmodel.errors import InputError
+from jaxmodel.mesh.adjacency import face_vectors
 from jaxmodel.scan.noise import Laser, Noise, Profilometer, Stereo
 from jaxmodel.scan.objects import object_mesh
 from jaxmodel.scan.plane_scenes import PlaneScene, crossing_planes, one_plane
@@ -100,7 +101,7 @@ def _cube(sigma: float) -> Callable[[Errors, int], Scene]:
 
 def _solid(mesh: ObjectMesh, planes: int, noise: Noise | None, errors: Errors, seed: int) -> Scene:
     """A convex solid from all sides: a view onto each of its planes, of a cube onto its corners too."""
-    vectors = np.cross(*(mesh.vertices[mesh.faces[:, k]] - mesh.vertices[mesh.faces[:, 0]] for k in (1, 2)))
+    vectors = face_vectors(mesh.vertices, mesh.faces)
     normals = np.unique(np.round(vectors / np.linalg.norm(vectors, axis=1, keepdims=True), 6), axis=0)
     poses = [look_at(_AWAY * normal, np.zeros(3)) for normal in normals]
     if len(normals) == 6:
