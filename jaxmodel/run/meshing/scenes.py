@@ -12,6 +12,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from jaxmodel.errors import InputError
+from jaxmodel.mesh.adjacency import face_vectors
 from jaxmodel.scan.noise import Laser, Noise, Profilometer, Stereo
 from jaxmodel.scan.objects import object_mesh
 from jaxmodel.scan.plane_scenes import PlaneScene, crossing_planes, one_plane
