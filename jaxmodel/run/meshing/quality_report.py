@@ -89,7 +89,7 @@ def _histogram(rows: list[Mapping[str, Any]], key: str, low: float) -> Panel:
         share = np.array(row[f"{key}_counts"], float)
         share = share / max(share.sum(), 1.0)
         height = np.where(log & (share == 0), np.nan, share).tolist()
-        series.append(Series(LABELS.get(row["method"], row["method"]), middles, height))
+        series.append(Series(LABELS.get(row["method"], str(row["method"])), middles, height))
     return Panel(key, key, "share of the triangles", series, log_y=log)
 
 
