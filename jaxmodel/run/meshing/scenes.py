@@ -74,7 +74,7 @@ def _one_plane(errors: Errors, seed: int) -> Scene:
 
 def _crossing_planes(errors: Errors, seed: int) -> Scene:
     """Each plane parts the other in two."""
-    return _plane_views(crossing_planes(errors.offset, errors.tilt_deg, seed), errors, 1.0, 4)
+    return _plane_views(crossing_planes(errors.offset, errors.tilt_deg, seed), errors, 1.0, 2)
 
 
 _AWAY = 3.0  # sizes between a solid and its sensor
