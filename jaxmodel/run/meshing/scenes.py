@@ -12,7 +12,6 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from jaxmodel.errors import InputError
-from jaxmodel.mesh.adjacency import face_vectors
 from jaxmodel.scan.noise import Laser, Noise, Profilometer, Stereo
 from jaxmodel.scan.objects import object_mesh
 from jaxmodel.scan.plane_scenes import PlaneScene, crossing_planes, one_plane
@@ -73,7 +72,7 @@ def _one_plane(errors: Errors, seed: int) -> Scene:
 
 
 def _crossing_planes(errors: Errors, seed: int) -> Scene:
-    """Each plane parts the other in two."""
+    """Each plane is one sheet and goes whole through the other."""
     return _plane_views(crossing_planes(errors.offset, errors.tilt_deg, seed), errors, 1.0, 2)
 
 
