@@ -142,7 +142,7 @@ def convergence_rows(folders: Sequence[Path]) -> polars.DataFrame:
 def conclusion(out: Path, summaries: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
     """Kind of starts -> family -> contours compared with vertices."""
     from jaxmodel.io.results import json_text
-    from jaxmodel.run.comparison import by_family
+    from jaxmodel.run.chapter2.comparison import by_family
 
     found = {}
     if "global_table" in summaries:
@@ -157,7 +157,7 @@ def conclusion(out: Path, summaries: Mapping[str, Mapping[str, Any]]) -> dict[st
 
 def verdict_lines(found: Mapping[str, Mapping[str, Any]]) -> list[tuple[str, ...]]:
     """One line for each figure of each family and kind of starts, with the thesis's word and ours."""
-    from jaxmodel.run.comparison import FIGURES, text, verdict
+    from jaxmodel.run.chapter2.comparison import FIGURES, text, verdict
 
     lines = []
     for starts, families in found.items():
@@ -213,7 +213,7 @@ def main(words: Sequence[str] | None = None) -> None:
     quiet_compiler()
     prepare_devices()
     from jaxmodel.io.datasets import data_root
-    from jaxmodel.run.comparison import chart
+    from jaxmodel.run.chapter2.comparison import chart
     from jaxmodel.run.console import write, write_table
 
     out = given.out or Path("runs") / ("chapter2-quick" if given.quick else "chapter2")

@@ -42,7 +42,7 @@ def run(name: str, folder: Path, changes: Mapping[str, str]) -> dict[str, Any]:
 
 def verdicts(summaries: Mapping[str, Mapping[str, Any]]) -> list[tuple[str, ...]]:
     """One line for each claim that is a comparison: what is said, the methods, both verdicts."""
-    from jaxmodel.run.hand_eye_claims import shown
+    from jaxmodel.run.hand_eye.claims import shown
 
     return [
         (claim["says"], f"{claim['better']} / {claim['worse']}", claim["quantity"].removesuffix("_deg"),
@@ -68,14 +68,13 @@ def counted(lines: Sequence[tuple[str, ...]]) -> dict[str, int]:
 
 def picture(out: Path, summaries: Mapping[str, Mapping[str, Any]]) -> bytes:
     """Figs 3.2, 3.4 and 3.5, those that were run, with all draws: medians of rotation, and of translation below."""
-    from jaxmodel.run import hand_eye_count, hand_eye_noise
+    from jaxmodel.run.hand_eye import count, noise
     from jaxmodel.run.study_report import read_table
     from jaxmodel.view.chart_drawing import chart_png
     from jaxmodel.view.charts import Chart
 
     panels = []
-    for module, figures in ((hand_eye_noise, ("3.2", "3.4")), (hand_eye_count, ("3.5",))):
-        name = module.__name__.rpartition(".")[2]
+    for name, module, figures in (("hand_eye_noise", noise, ("3.2", "3.4")), ("hand_eye_count", count, ("3.5",))):
         if name not in summaries:
             continue
         charts = module.charts(summaries[name], read_table(out / name / "results.parquet"))

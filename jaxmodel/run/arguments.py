@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from jaxmodel.run.calibrate_arguments import Calibrate
+from jaxmodel.run.calibration.arguments import Calibrate
 from jaxmodel.run.meshing.arguments import Mesh
 
 _Positional = tyro.conf.Positional

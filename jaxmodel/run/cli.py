@@ -61,7 +61,7 @@ def _run(command: arguments.AnyCommand, changes: list[tuple[str, str]], words: l
         case arguments.Register():
             commands.register(command, line)
         case arguments.Calibrate():
-            from jaxmodel.run.calibrate_command import calibrate
+            from jaxmodel.run.calibration.command import calibrate
 
             calibrate(command, line)
         case arguments.Mesh():

@@ -21,7 +21,7 @@ from jaxmodel.calibrate.solve import METHODS
 from jaxmodel.geometry import se3
 from jaxmodel.io.strict_yaml import config_files
 from jaxmodel.run.arguments import Calibrate, parse
-from jaxmodel.run.calibration_config import MethodName
+from jaxmodel.run.calibration.config import MethodName
 from jaxmodel.run.cli import execute
 
 EXAMPLE = config_files() / "hand_eye" / "example.csv"

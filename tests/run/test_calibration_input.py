@@ -14,9 +14,9 @@ from jaxmodel.calibrate.motions import Setup
 from jaxmodel.errors import InputError
 from jaxmodel.geometry import se3
 from jaxmodel.io.strict_yaml import structure
-from jaxmodel.run.calibration_config import Config
-from jaxmodel.run.calibration_images import parse_target
-from jaxmodel.run.calibration_input import load_poses
+from jaxmodel.run.calibration.config import Config
+from jaxmodel.run.calibration.images import parse_target
+from jaxmodel.run.calibration.input import load_poses
 
 HAND, CAMERA = files.streams()
 

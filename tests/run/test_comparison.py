@@ -6,7 +6,17 @@ import numpy as np
 import polars
 import pytest
 
-from jaxmodel.run.comparison import FIGURES, by_family, chart, columns, compare, family_tables, lines, text, verdict
+from jaxmodel.run.chapter2.comparison import (
+    FIGURES,
+    by_family,
+    chart,
+    columns,
+    compare,
+    family_tables,
+    lines,
+    text,
+    verdict,
+)
 
 RATE, EITHER, ROTATION, TRANSLATION, STEPS, SECONDS = FIGURES
 

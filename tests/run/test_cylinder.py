@@ -7,7 +7,7 @@ from pathlib import Path
 import polars
 import pytest
 
-from jaxmodel.run.cylinder import tables
+from jaxmodel.run.chapter2.cylinder import tables
 from tests.run.conftest import small_study
 
 pytestmark = pytest.mark.xdist_group("study")

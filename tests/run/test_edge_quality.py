@@ -10,9 +10,9 @@ import pytest
 import yaml
 
 from jaxmodel.io.results import RunDir
+from jaxmodel.run.chapter2.edge_quality import draw, prepare, tables
+from jaxmodel.run.chapter2.edge_quality_report import ASKED
 from jaxmodel.run.cli import execute
-from jaxmodel.run.edge_quality import draw, prepare, tables
-from jaxmodel.run.edge_quality_report import ASKED
 from jaxmodel.run.registry import load_experiment
 
 SMALL = {

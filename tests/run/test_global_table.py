@@ -7,7 +7,7 @@ from pathlib import Path
 import polars
 import pytest
 
-from jaxmodel.run.global_table import tables
+from jaxmodel.run.chapter2.global_table import tables
 from jaxmodel.run.published import published_table
 from tests.run.conftest import small_study
 

@@ -4,8 +4,8 @@ import numpy as np
 import polars
 import pytest
 
-from jaxmodel.run import hand_eye_claims as claims
-from jaxmodel.run.hand_eye_protocol import agreement
+from jaxmodel.run.hand_eye import claims
+from jaxmodel.run.hand_eye.protocol import agreement
 
 CLAIM = claims.Claim("a is better", claims.ROTATION, "a", "b")
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jaxmodel.calibrate import simulation
-from jaxmodel.run.hand_eye_methods import UNIT_AXES, solved
+from jaxmodel.run.hand_eye.methods import UNIT_AXES, solved
 
 COUNT, MOTIONS = 20, 16
 

@@ -11,8 +11,8 @@ import pytest
 
 from jaxmodel.io.results import RunDir
 from jaxmodel.run.cli import execute
-from jaxmodel.run.hand_eye_averaging import Config, prepare
-from jaxmodel.run.hand_eye_study import HandEyeStudy, Measured
+from jaxmodel.run.hand_eye.averaging import Config, prepare
+from jaxmodel.run.hand_eye.study import HandEyeStudy, Measured
 
 SMALL: dict[str, Any] = {
     "experiment": "hand_eye_averaging", "draws": 5, "chunk": 2, "estimates": 4, "outliers": [0.0],
@@ -57,10 +57,10 @@ def test_a_killed_run_goes_on_where_it_was(
 
     (tmp_path / "study.yaml").write_text(json.dumps(SMALL))
     out = tmp_path / "out"
-    monkeypatch.setattr("jaxmodel.run.hand_eye_averaging.prepare", lambda config: spied(config, 4))
+    monkeypatch.setattr("jaxmodel.run.hand_eye.averaging.prepare", lambda config: spied(config, 4))
     assert execute(["run", str(tmp_path / "study.yaml"), "--out", str(out)]) == 130
     assert not (out / "summary.json").exists() and len(list((out / "parts").glob("*.parquet"))) == 4
-    monkeypatch.setattr("jaxmodel.run.hand_eye_averaging.prepare", lambda config: spied(config, 100))
+    monkeypatch.setattr("jaxmodel.run.hand_eye.averaging.prepare", lambda config: spied(config, 100))
     assert execute(["run", str(tmp_path / "study.yaml"), "--resume", str(out)]) == 0
     assert len(measured) == len(set(measured)) == 9
     assert (out / "results.parquet").read_bytes() == (whole / "results.parquet").read_bytes()

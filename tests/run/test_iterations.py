@@ -8,7 +8,7 @@ import numpy as np
 import polars
 import pytest
 
-from jaxmodel.run.iterations import _arrival, tables
+from jaxmodel.run.chapter2.iterations import _arrival, tables
 from tests.run.conftest import small_study
 
 pytestmark = pytest.mark.xdist_group("study")

@@ -7,8 +7,8 @@ from pathlib import Path
 import polars
 import pytest
 
+from jaxmodel.run.chapter2.resolution import tables
 from jaxmodel.run.published import published_table
-from jaxmodel.run.resolution import tables
 from tests.run.conftest import small_study
 
 pytestmark = pytest.mark.xdist_group("study")

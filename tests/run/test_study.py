@@ -16,11 +16,11 @@ from jaxmodel.control_points import Contours, select
 from jaxmodel.register import register
 from jaxmodel.register.basin import truth_errors
 from jaxmodel.register.starts import plausible_starts
+from jaxmodel.run.chapter2.study_rows import has_points
 from jaxmodel.run.cli import execute
 from jaxmodel.run.config import ObjectScans, PlausibleStarts
 from jaxmodel.run.convergence_table import poses
 from jaxmodel.run.pairs import load_pairs, source_extent
-from jaxmodel.run.study_rows import has_points
 from jaxmodel.scan.sensor import Sensor
 from tests.run.conftest import small_study
 

@@ -6,11 +6,11 @@ import polars
 from jaxmodel.control_points import Subsample, Vertices
 from jaxmodel.register import Sweep
 from jaxmodel.register.outcome import Outcome
+from jaxmodel.run.chapter2.study_rows import costs, has_points, no_traces, poses_or, results, without_points
+from jaxmodel.run.chapter2.trials import Trial
 from jaxmodel.run.config import ObjectScans, Right
 from jaxmodel.run.convergence_table import chunk_rows, poses
 from jaxmodel.run.pairs import load_pairs, source_extent
-from jaxmodel.run.study_rows import costs, has_points, no_traces, poses_or, results, without_points
-from jaxmodel.run.trials import Trial
 from jaxmodel.scan.sensor import Sensor
 
 (PAIR,) = load_pairs(ObjectScans(("boulder",), sensor=Sensor(width=40, height=40)), 0)

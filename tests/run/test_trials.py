@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from jaxmodel.control_points import Contours, Subsample, Vertices
+from jaxmodel.run.chapter2.trials import Group, StudyConfig, Trial, placed_pairs, plain_trials, starts_of
 from jaxmodel.run.config import ObjectScans, PlausibleStarts
-from jaxmodel.run.trials import Group, StudyConfig, Trial, placed_pairs, plain_trials, starts_of
 from jaxmodel.scan.sensor import Sensor
 
 SCANS = ObjectScans(("boulder",), turns_deg=(0.0, 90.0), sensor=Sensor(width=50, height=50))

@@ -7,7 +7,7 @@ from pathlib import Path
 import polars
 import pytest
 
-from jaxmodel.run.user_starts import tables
+from jaxmodel.run.chapter2.user_starts import tables
 from tests.run.conftest import small_study
 
 pytestmark = pytest.mark.xdist_group("study")

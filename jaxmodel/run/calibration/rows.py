@@ -5,8 +5,8 @@ import polars
 from scipy.spatial.transform import Rotation
 
 from jaxmodel.geometry import se3
-from jaxmodel.run.calibration_answers import Answers
-from jaxmodel.run.paired_poses import PairedPoses
+from jaxmodel.run.calibration.answers import Answers
+from jaxmodel.run.calibration.paired_poses import PairedPoses
 
 
 def pose_rows(poses: PairedPoses, found: Answers) -> polars.DataFrame:

@@ -12,11 +12,11 @@ import numpy as np
 import polars
 
 from jaxmodel.io.results import RunDir
-from jaxmodel.run import comparison
+from jaxmodel.run.chapter2 import comparison
+from jaxmodel.run.chapter2.study import Study
+from jaxmodel.run.chapter2.trials import StudyConfig, Trial, plain_trials
 from jaxmodel.run.published import published_table
-from jaxmodel.run.study import Study
 from jaxmodel.run.study_report import draw_study
-from jaxmodel.run.trials import StudyConfig, Trial, plain_trials
 from jaxmodel.view.charts import Chart
 from jaxmodel.view.table import Table
 

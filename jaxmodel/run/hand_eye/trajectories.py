@@ -15,9 +15,9 @@ from jaxmodel.calibrate import simulated_robot as robot
 from jaxmodel.calibrate import simulation
 from jaxmodel.calibrate.errors import quaternion_error, quaternion_error_angle_deg
 from jaxmodel.io.results import RunDir
-from jaxmodel.run import hand_eye_claims as claims
-from jaxmodel.run.hand_eye_methods import FROM_IDENTITY, PUBLISHED, SENTENCE, UNIT_AXES, all_solved
-from jaxmodel.run.hand_eye_protocol import (
+from jaxmodel.run.hand_eye import claims
+from jaxmodel.run.hand_eye.methods import FROM_IDENTITY, PUBLISHED, SENTENCE, UNIT_AXES, all_solved
+from jaxmodel.run.hand_eye.protocol import (
     MOST,
     Bench,
     Realisation,
@@ -29,9 +29,9 @@ from jaxmodel.run.hand_eye_protocol import (
     shown,
     spread,
 )
-from jaxmodel.run.hand_eye_report import chosen_table, draw_hand_eye, marks_panel
-from jaxmodel.run.hand_eye_study import Cell, HandEyeStudy, Measured
-from jaxmodel.run.hand_eye_weights import Weights, measured, summarised, weights_table
+from jaxmodel.run.hand_eye.report import chosen_table, draw_hand_eye, marks_panel
+from jaxmodel.run.hand_eye.study import Cell, HandEyeStudy, Measured
+from jaxmodel.run.hand_eye.weights import Weights, measured, summarised, weights_table
 from jaxmodel.run.published import published_table
 from jaxmodel.view.charts import Chart
 from jaxmodel.view.table import Table

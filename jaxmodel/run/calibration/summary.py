@@ -12,10 +12,10 @@ from jaxmodel.calibrate.motions import excitation
 from jaxmodel.calibrate.observability import Observability
 from jaxmodel.calibrate.resampling import differences
 from jaxmodel.geometry import se3
-from jaxmodel.run.calibration_answers import Answer, Answers
-from jaxmodel.run.calibration_config import Config
-from jaxmodel.run.calibration_remarks import remarks
-from jaxmodel.run.paired_poses import PairedPoses
+from jaxmodel.run.calibration.answers import Answer, Answers
+from jaxmodel.run.calibration.config import Config
+from jaxmodel.run.calibration.paired_poses import PairedPoses
+from jaxmodel.run.calibration.remarks import remarks
 
 CONFIDENCE = 0.95
 

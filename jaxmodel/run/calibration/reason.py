@@ -8,10 +8,10 @@ from scipy.stats import t as student
 from jaxmodel.calibrate.loss import contradicts
 from jaxmodel.calibrate.resampling import differences
 from jaxmodel.calibrate.trust import Finding
-from jaxmodel.run.calibration_config import Config
+from jaxmodel.run.calibration.config import Config
 
 if TYPE_CHECKING:
-    from jaxmodel.run.calibration_answers import Answers
+    from jaxmodel.run.calibration.answers import Answers
 
 
 def reason_for(found: "Answers", config: Config) -> str:

@@ -12,10 +12,10 @@ from jaxmodel.calibrate import averaging, simulation
 from jaxmodel.calibrate.errors import quaternion_error, quaternion_error_angle_deg
 from jaxmodel.geometry import se3
 from jaxmodel.io.results import RunDir
-from jaxmodel.run import hand_eye_claims as claims
-from jaxmodel.run.hand_eye_protocol import shown, spread
-from jaxmodel.run.hand_eye_report import chosen_table, draw_hand_eye
-from jaxmodel.run.hand_eye_study import Cell, HandEyeStudy, Measured
+from jaxmodel.run.hand_eye import claims
+from jaxmodel.run.hand_eye.protocol import shown, spread
+from jaxmodel.run.hand_eye.report import chosen_table, draw_hand_eye
+from jaxmodel.run.hand_eye.study import Cell, HandEyeStudy, Measured
 from jaxmodel.run.published import published_table
 from jaxmodel.view.charts import Chart, Panel, Series
 from jaxmodel.view.table import Table

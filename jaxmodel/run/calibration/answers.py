@@ -18,9 +18,9 @@ from jaxmodel.calibrate.self_calibration import Scales, SelfCalibration, self_ca
 from jaxmodel.calibrate.solve import KNOWN_SCALE_ONLY, METHODS
 from jaxmodel.calibrate.trust import FEWEST, Finding, Trust, other_scale, trust
 from jaxmodel.geometry import se3
-from jaxmodel.run.calibration_config import Config
-from jaxmodel.run.calibration_reason import reason_for
-from jaxmodel.run.paired_poses import PairedPoses
+from jaxmodel.run.calibration.config import Config
+from jaxmodel.run.calibration.paired_poses import PairedPoses
+from jaxmodel.run.calibration.reason import reason_for
 
 ALL_POSES = "joint, all poses"
 FEWEST_TO_NAME = SUBSET + 4

@@ -15,8 +15,8 @@ from jaxmodel.control_points.edge_score import EdgeTruth, edge_score, edge_truth
 from jaxmodel.control_points.edges import find_edges
 from jaxmodel.io.results import RunDir
 from jaxmodel.io.strict_yaml import unstructure
+from jaxmodel.run.chapter2.edge_quality_report import draw, tables
 from jaxmodel.run.console import Progress
-from jaxmodel.run.edge_quality_report import draw, tables
 from jaxmodel.run.registry import Prepared
 from jaxmodel.scan.known_solids import before_a_wall, known_solid
 from jaxmodel.scan.noise import Laser

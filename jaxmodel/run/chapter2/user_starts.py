@@ -16,11 +16,11 @@ import polars
 from jaxmodel.geometry.se3 import rotation_angle_deg
 from jaxmodel.io.results import RunDir
 from jaxmodel.register.intervals import rate_over_units
-from jaxmodel.run import comparison
+from jaxmodel.run.chapter2 import comparison
+from jaxmodel.run.chapter2.study import Study
+from jaxmodel.run.chapter2.trials import StudyConfig, Trial, plain_trials
 from jaxmodel.run.published import published_table
-from jaxmodel.run.study import Study
 from jaxmodel.run.study_report import draw_study
-from jaxmodel.run.trials import StudyConfig, Trial, plain_trials
 from jaxmodel.view.charts import Chart, Panel, Series
 from jaxmodel.view.table import Table
 

@@ -7,10 +7,10 @@ import numpy as np
 import polars
 
 from jaxmodel.calibrate.errors import quaternion_error_angle_deg
-from jaxmodel.run import hand_eye_claims as claims
-from jaxmodel.run.hand_eye_protocol import agreement, shown
-from jaxmodel.run.hand_eye_report import chosen_table, marks_panel
-from jaxmodel.run.hand_eye_self_draws import COMPARED, METHODS, RUNS, SELF
+from jaxmodel.run.hand_eye import claims
+from jaxmodel.run.hand_eye.protocol import agreement, shown
+from jaxmodel.run.hand_eye.report import chosen_table, marks_panel
+from jaxmodel.run.hand_eye.self_draws import COMPARED, METHODS, RUNS, SELF
 from jaxmodel.run.published import published_table
 from jaxmodel.view.charts import Chart, Panel, Series
 from jaxmodel.view.table import Table

@@ -16,12 +16,12 @@ import polars
 from jaxmodel.io.results import RunDir
 from jaxmodel.register import basin
 from jaxmodel.register.intervals import mean_over_units
+from jaxmodel.run.chapter2.study import Study
+from jaxmodel.run.chapter2.trials import StudyConfig, Trial, placed_pairs, starts_of
 from jaxmodel.run.config import MeshScans, ObjectScans
 from jaxmodel.run.convergence_table import poses
 from jaxmodel.run.published import published_table
-from jaxmodel.run.study import Study
 from jaxmodel.run.study_report import draw_study
-from jaxmodel.run.trials import StudyConfig, Trial, placed_pairs, starts_of
 from jaxmodel.view.charts import Chart, Panel, Series
 from jaxmodel.view.table import Table
 

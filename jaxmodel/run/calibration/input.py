@@ -10,10 +10,10 @@ from jaxmodel.calibrate.synchronise import ordered, synchronise
 from jaxmodel.errors import InputError
 from jaxmodel.io.pose_files import read_both, read_single
 from jaxmodel.io.pose_values import Forms, PoseStream
-from jaxmodel.run.calibration_config import Config
-from jaxmodel.run.calibration_images import poses_of_images
-from jaxmodel.run.calibration_scene import poses_of_scene
-from jaxmodel.run.paired_poses import PairedPoses
+from jaxmodel.run.calibration.config import Config
+from jaxmodel.run.calibration.images import poses_of_images
+from jaxmodel.run.calibration.paired_poses import PairedPoses
+from jaxmodel.run.calibration.scene import poses_of_scene
 
 
 def load_poses(config: Config) -> PairedPoses:

@@ -13,10 +13,10 @@ import polars
 
 from jaxmodel.io.results import RunDir
 from jaxmodel.register.intervals import mean_over_units, rate_over_units
-from jaxmodel.run.resolution_report import charts, tables
-from jaxmodel.run.study import Study
+from jaxmodel.run.chapter2.resolution_report import charts, tables
+from jaxmodel.run.chapter2.study import Study
+from jaxmodel.run.chapter2.trials import Placed, StudyConfig, Trial, placed_pairs, starts_of
 from jaxmodel.run.study_report import draw_study
-from jaxmodel.run.trials import Placed, StudyConfig, Trial, placed_pairs, starts_of
 
 __all__ = ["Config", "draw", "prepare", "tables"]
 

@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from jaxmodel.calibrate import Outcome, Scales, self_calibrate, simulation, solve
 from jaxmodel.calibrate import simulated_robot as robot
-from jaxmodel.run import hand_eye_claims as claims
-from jaxmodel.run.hand_eye_methods import PUBLISHED, all_solved, solved
-from jaxmodel.run.hand_eye_protocol import MOST, Bench, Realisation, padded, padded_length, references
-from jaxmodel.run.hand_eye_study import Measured
+from jaxmodel.run.hand_eye import claims
+from jaxmodel.run.hand_eye.methods import PUBLISHED, all_solved, solved
+from jaxmodel.run.hand_eye.protocol import MOST, Bench, Realisation, padded, padded_length, references
+from jaxmodel.run.hand_eye.study import Measured
 
 SELF, OWN = "self-calibration", "self-calibration on the target's points"
 METHODS = (*PUBLISHED, SELF)

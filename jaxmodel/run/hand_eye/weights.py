@@ -10,8 +10,8 @@ from jaxtyping import Float
 
 from jaxmodel.calibrate import simulation
 from jaxmodel.calibrate.nonlinear import QuaternionWeights
-from jaxmodel.run.hand_eye_methods import WEIGHTS, solved_by_penalty
-from jaxmodel.run.hand_eye_protocol import Motions, shown, spread
+from jaxmodel.run.hand_eye.methods import WEIGHTS, solved_by_penalty
+from jaxmodel.run.hand_eye.protocol import Motions, shown, spread
 from jaxmodel.view.table import Table
 
 STARTS = ("linear", "identity")

@@ -12,10 +12,10 @@ from typing import Any, Literal
 import polars
 
 from jaxmodel.io.results import RunDir
-from jaxmodel.run import comparison
-from jaxmodel.run.study import Study
+from jaxmodel.run.chapter2 import comparison
+from jaxmodel.run.chapter2.study import Study
+from jaxmodel.run.chapter2.trials import StudyConfig, Trial, plain_trials
 from jaxmodel.run.study_report import draw_study
-from jaxmodel.run.trials import StudyConfig, Trial, plain_trials
 from jaxmodel.view.charts import Chart, Panel, Series
 from jaxmodel.view.table import Table
 

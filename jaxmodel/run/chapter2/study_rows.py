@@ -9,10 +9,10 @@ from jaxtyping import Float
 
 from jaxmodel.register import Sweep, Trace, basin
 from jaxmodel.register.outcome import Outcome
+from jaxmodel.run.chapter2.trials import Trial
 from jaxmodel.run.config import Right
 from jaxmodel.run.convergence_table import chunk_rows, poses
 from jaxmodel.run.pairs import source_extent
-from jaxmodel.run.trials import Trial
 
 NO_POINTS = -1
 """Outcome of a registration that could not begin: a view has no control point of the kind."""

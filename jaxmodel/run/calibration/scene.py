@@ -6,9 +6,9 @@ import numpy as np
 
 from jaxmodel.errors import InputError
 from jaxmodel.io.pose_values import PoseStream
-from jaxmodel.run.calibration_config import Images
-from jaxmodel.run.calibration_images import matched, pictures
-from jaxmodel.run.paired_poses import PairedPoses
+from jaxmodel.run.calibration.config import Images
+from jaxmodel.run.calibration.images import matched, pictures
+from jaxmodel.run.calibration.paired_poses import PairedPoses
 
 FEWEST = 3
 

@@ -9,9 +9,9 @@ import polars
 
 from jaxmodel.calibrate import simulation
 from jaxmodel.io.results import RunDir
-from jaxmodel.run import hand_eye_claims as claims
-from jaxmodel.run.hand_eye_methods import OURS, PUBLISHED, SENTENCE, Stopwatch, all_solved
-from jaxmodel.run.hand_eye_report import (
+from jaxmodel.run.hand_eye import claims
+from jaxmodel.run.hand_eye.methods import OURS, PUBLISHED, SENTENCE, Stopwatch, all_solved
+from jaxmodel.run.hand_eye.report import (
     ERRORS,
     TIME,
     check_draws,
@@ -21,7 +21,7 @@ from jaxmodel.run.hand_eye_report import (
     error_panels,
     times_table,
 )
-from jaxmodel.run.hand_eye_study import Cell, HandEyeStudy, Measured
+from jaxmodel.run.hand_eye.study import Cell, HandEyeStudy, Measured
 from jaxmodel.run.published import published_table
 from jaxmodel.view.charts import Chart, Panel, Series
 from jaxmodel.view.table import Table

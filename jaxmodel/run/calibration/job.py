@@ -12,12 +12,12 @@ from typing import Any
 from jaxmodel.calibrate.solve import METHODS
 from jaxmodel.io.results import RunDir, json_text
 from jaxmodel.io.strict_yaml import unstructure
-from jaxmodel.run import calibration_report
-from jaxmodel.run.calibration_answers import find_answers
-from jaxmodel.run.calibration_config import Config
-from jaxmodel.run.calibration_input import load_poses
-from jaxmodel.run.calibration_rows import motion_rows, pose_rows
-from jaxmodel.run.calibration_summary import summarise
+from jaxmodel.run.calibration import report as calibration_report
+from jaxmodel.run.calibration.answers import find_answers
+from jaxmodel.run.calibration.config import Config
+from jaxmodel.run.calibration.input import load_poses
+from jaxmodel.run.calibration.rows import motion_rows, pose_rows
+from jaxmodel.run.calibration.summary import summarise
 from jaxmodel.run.console import Progress
 from jaxmodel.run.provenance import hash_files
 from jaxmodel.run.registry import Prepared

@@ -26,13 +26,13 @@ from jaxmodel.lanes import Engine
 from jaxmodel.register import IcpMethod, methods, register_trace
 from jaxmodel.register.problem import prepare
 from jaxmodel.register.sweep import sweep_prepared
-from jaxmodel.run import study_rows
+from jaxmodel.run.chapter2 import study_rows
+from jaxmodel.run.chapter2.trials import StudyConfig, Trial
 from jaxmodel.run.console import Progress
 from jaxmodel.run.convergence_table import case_rows, chunk_rows
 from jaxmodel.run.faults import unequal_counts, without_any
 from jaxmodel.run.provenance import hash_files
 from jaxmodel.run.registry import Prepared, experiment_module
-from jaxmodel.run.trials import StudyConfig, Trial
 from jaxmodel.scan.cloud import Cloud
 from jaxmodel.scan.range_image import RangeImage
 

@@ -9,8 +9,8 @@ import numpy as np
 from jaxmodel.errors import InputError
 from jaxmodel.io.pose_files import natural
 from jaxmodel.io.pose_values import PoseStream
-from jaxmodel.run.calibration_config import Images
-from jaxmodel.run.paired_poses import PairedPoses
+from jaxmodel.run.calibration.config import Images
+from jaxmodel.run.calibration.paired_poses import PairedPoses
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm")
 FORMS = {

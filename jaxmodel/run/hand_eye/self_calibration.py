@@ -12,11 +12,11 @@ import polars
 
 from jaxmodel.calibrate.errors import quaternion_error
 from jaxmodel.io.results import RunDir
-from jaxmodel.run import hand_eye_claims as claims
-from jaxmodel.run.hand_eye_methods import PUBLISHED, SENTENCE
-from jaxmodel.run.hand_eye_protocol import shown, spread
-from jaxmodel.run.hand_eye_report import draw_hand_eye
-from jaxmodel.run.hand_eye_self_draws import (
+from jaxmodel.run.hand_eye import claims
+from jaxmodel.run.hand_eye.methods import PUBLISHED, SENTENCE
+from jaxmodel.run.hand_eye.protocol import shown, spread
+from jaxmodel.run.hand_eye.report import draw_hand_eye
+from jaxmodel.run.hand_eye.self_draws import (
     COMPARED,
     FAR,
     OWN,
@@ -28,8 +28,8 @@ from jaxmodel.run.hand_eye_self_draws import (
     pure_rotations,
     scale_error,
 )
-from jaxmodel.run.hand_eye_self_tables import charts, tables
-from jaxmodel.run.hand_eye_study import Cell, HandEyeStudy
+from jaxmodel.run.hand_eye.self_tables import charts, tables
+from jaxmodel.run.hand_eye.study import Cell, HandEyeStudy
 from jaxmodel.run.published import published_table
 
 __all__ = ["Config", "draw", "prepare", "tables"]

@@ -13,10 +13,10 @@ import polars
 
 from jaxmodel.io.results import RunDir
 from jaxmodel.register.intervals import mean_over_units
-from jaxmodel.run import comparison
-from jaxmodel.run.study import Study
+from jaxmodel.run.chapter2 import comparison
+from jaxmodel.run.chapter2.study import Study
+from jaxmodel.run.chapter2.trials import StudyConfig, Trial, placed_pairs, starts_of
 from jaxmodel.run.study_report import draw_study
-from jaxmodel.run.trials import StudyConfig, Trial, placed_pairs, starts_of
 from jaxmodel.view.charts import Chart, Panel, Series
 from jaxmodel.view.table import Table
 

@@ -3,8 +3,8 @@
 import numpy as np
 
 from jaxmodel.geometry import se3
-from jaxmodel.run.calibration_answers import Answers
-from jaxmodel.run.calibration_reason import finding_sentence
+from jaxmodel.run.calibration.answers import Answers
+from jaxmodel.run.calibration.reason import finding_sentence
 
 
 def remarks(found: Answers) -> list[str]:

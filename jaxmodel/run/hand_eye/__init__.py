@@ -1,0 +1,1 @@
+"""The experiments of RR-3507."""
