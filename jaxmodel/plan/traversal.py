@@ -58,8 +58,8 @@ def enter(ray: Ray, shape: tuple[int, int, int]) -> tuple[Place, Bool[jax.Array,
     axis = jnp.where(when[2] == entry, 2, jnp.where(when[1] == entry, 1, 0))
     outside = entry >= 0
     entry, axis = jnp.where(outside, entry, 0.0), jnp.where(outside, axis, 3)
-    leaves = jnp.min(crossing(ray, jnp.broadcast_to(size, ray.origin.shape)), axis=0)
-    meets = (entry < leaves) & ~jnp.any((ray.inverse >= STILL) & before, axis=0)
+    side, leaves = _first(crossing(ray, jnp.broadcast_to(size, ray.origin.shape)))
+    meets = ((entry < leaves) | ((entry == leaves) & (axis < side))) & ~jnp.any((ray.inverse >= STILL) & before, axis=0)
     start = jnp.clip(jnp.floor(ray.origin), 0, size - 1).astype(jnp.int32)
     index = _reached(ray, entry, axis, jnp.zeros_like(start), size.astype(jnp.int32) - 1, start)
     return Place(index, entry), meets
