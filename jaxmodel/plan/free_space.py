@@ -55,7 +55,9 @@ class FreeSpace(ViewSpace):
         chosen = random.permutation(keys)[:places] if places < len(keys) else random.choice(keys, places)
         centres = self.grid.centres(np.sort(chosen))
         turned = [even_directions(ORIENTATIONS, seed * places + k) for k in range(places)]
-        return np.concatenate([np.repeat(self.place_of(centres), ORIENTATIONS, axis=0), np.concatenate(turned)], 1)[:count]
+        return np.concatenate([np.repeat(self.place_of(centres), ORIENTATIONS, axis=0), np.concatenate(turned)], 1)[
+            :count
+        ]
 
     def spiral(self, count: int) -> Float[np.ndarray, "n 5"]:
         """The thesis's spiral of orientations at free voxels taken in turn."""
@@ -71,7 +73,9 @@ class FreeSpace(ViewSpace):
         volume = max(float(np.sum(self.free & self._in_box())), 1.0) * self.grid.cell**3
         apart = (volume / places) ** (1 / 3)
         extent = np.maximum(np.asarray(self.high) - np.asarray(self.low), self.grid.cell)
-        return np.concatenate([np.minimum(2 * apart / extent, np.pi / 2), np.full(2, np.sqrt(4 * np.pi / ORIENTATIONS))])
+        return np.concatenate(
+            [np.minimum(2 * apart / extent, np.pi / 2), np.full(2, np.sqrt(4 * np.pi / ORIENTATIONS))]
+        )
 
     def allowed(self, poses: Float[np.ndarray, "n 4 4"]) -> Bool[np.ndarray, " n"]:
         index = self.grid.indices(poses[:, :3, 3])

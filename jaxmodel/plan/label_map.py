@@ -108,7 +108,9 @@ def object_map(centre: Float[np.ndarray, "3"], size: float, cells: int = 64, mar
         raise InputError(f"The margin around the object must be zero or more, in its size, not {margin}.")
     edge = size * (1 + 2 * margin)
     if cells < 1 or edge / cells > size:
-        raise InputError(f"A map of {cells} voxels an edge has voxels larger than the object ({size:g}); take 8 or more.")
+        raise InputError(
+            f"A map of {cells} voxels an edge has voxels larger than the object ({size:g}); take 8 or more."
+        )
     centre = np.asarray(centre, np.float64)
     grid = VoxelGrid(centre - edge / 2, edge / cells, (cells, cells, cells))
     away = np.linalg.norm(grid.centres(np.arange(cells**3)).reshape(cells, cells, cells, 3) - centre, axis=-1)

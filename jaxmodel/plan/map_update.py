@@ -61,7 +61,9 @@ def update(
     return _with_readings(_with_shadow(map, crossed, behind, T, image.eye), rays, image, T)
 
 
-def image_rays(map: LabelMap, image: RangeImage, T_world_sensor: Float[np.ndarray, "4 4"], sensor: Sensor | None) -> Rays:
+def image_rays(
+    map: LabelMap, image: RangeImage, T_world_sensor: Float[np.ndarray, "4 4"], sensor: Sensor | None
+) -> Rays:
     """The rays of a range image through the grid of ``map``."""
     R, t = T_world_sensor[:3, :3], T_world_sensor[:3, 3]
     valid = image.valid.reshape(-1)

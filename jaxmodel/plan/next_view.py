@@ -187,9 +187,7 @@ def planning_sensor(sensor: Sensor, rays: int) -> Sensor:
     return replace(sensor, width=max(1, round(sensor.width * scale)), height=max(1, round(sensor.height * scale)))
 
 
-def leaders(
-    scores: Scores, count: int, apart: Float[np.ndarray, " d"], least_overlap: float
-) -> Any:
+def leaders(scores: Scores, count: int, apart: Float[np.ndarray, " d"], least_overlap: float) -> Any:
     """Rows of the best views that overlap enough, no two of them closer than twice the field's spacing."""
     order = np.argsort(-np.where(scores.overlap >= least_overlap, scores.value, -np.inf), kind="stable")
     order = order[: int(np.sum(scores.overlap >= least_overlap))][: 40 * count]
@@ -236,10 +234,10 @@ def joined(one: Scores, two: Scores) -> Scores:
         np.concatenate([one.seen.cosines, two.seen.cosines]),
         one.seen.total,
     )
-    rest = [np.concatenate([getattr(one, name), getattr(two, name)]) for name in ("utility", "value", "overlap", "novelty")]
-    return Scores(
-        np.concatenate([one.parameters, two.parameters]), np.concatenate([one.poses, two.poses]), seen, *rest
-    )
+    rest = [
+        np.concatenate([getattr(one, name), getattr(two, name)]) for name in ("utility", "value", "overlap", "novelty")
+    ]
+    return Scores(np.concatenate([one.parameters, two.parameters]), np.concatenate([one.poses, two.poses]), seen, *rest)
 
 
 def _view(outcome: ViewOutcome, one: Scores, weights: Utility, scored: int) -> View:
@@ -260,5 +258,14 @@ def _view(outcome: ViewOutcome, one: Scores, weights: Utility, scored: int) -> V
 def _none(outcome: ViewOutcome, dimension: int, weights: Utility) -> View:
     nothing = np.full(6, np.nan)
     return View(
-        outcome, np.full((4, 4), np.nan), np.full(dimension, np.nan), np.nan, nothing, nothing, np.nan, np.nan, weights, 0
+        outcome,
+        np.full((4, 4), np.nan),
+        np.full(dimension, np.nan),
+        np.nan,
+        nothing,
+        nothing,
+        np.nan,
+        np.nan,
+        weights,
+        0,
     )
