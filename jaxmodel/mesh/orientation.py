@@ -7,6 +7,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial import KDTree
 
 from jaxmodel.errors import InputError
+from jaxmodel.mesh.blocks import in_blocks
 from jaxmodel.scan.estimate import estimate_normals
 
 NEIGHBOURS = 12
@@ -88,9 +89,11 @@ def _agreement(
     index = np.asarray(index)[:, 1:]
     there = np.any(unit != 0, axis=1)
     cosine = np.empty(index.shape)
-    for start in range(0, len(index), BLOCK):
-        some = slice(start, start + BLOCK)
+
+    def compare(some: slice) -> None:
         cosine[some] = np.einsum("nka,na->nk", unit[index[some]], normal[some])
+
+    in_blocks(len(index), BLOCK, compare)
     return there[index] & np.any(normal != 0, axis=1)[:, None], cosine
 
 
