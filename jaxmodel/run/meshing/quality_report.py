@@ -42,6 +42,7 @@ def charts(summary: Mapping[str, Any]) -> list[Chart]:
                     Series(name, [row["radius"] for row in of], [_or_nan(row[key]) for row in of])
                     for name, of in summary["sweep"].items()
                 ],
+                from_zero=key not in ("Q_equ", "Q_nor"),
             )
             for key, what in wanted
         ]
@@ -69,6 +70,7 @@ def _criteria() -> Chart:
             "Q_nor",
             [Series("icosphere", [len(ball.faces) for ball in balls], smooth)],
             log_x=True,
+            from_zero=False,
         ),
     ]
     return Chart("criteria", "The criteria on known shapes", panels)

@@ -45,6 +45,7 @@ def tables(summary: Mapping[str, Any], command: str) -> list[Table]:
     """All tables of a finished run, *published | ours* last."""
     return [
         _known_shapes(),
+        *([_registered(summary)] if summary.get("registered") else []),
         _nearness(summary),
         *([_sweep(summary)] if summary["sweep"] else []),
         *(_passes(name, summary, command) for name in summary["passes"]),
@@ -71,6 +72,17 @@ def _main(summary: Mapping[str, Any], command: str) -> Table:
             )
         )
     return Table(f"Table 3.2, published | ours (Pentium 4 | this machine) | {command}", columns, rows)
+
+
+def _registered(summary: Mapping[str, Any]) -> Table:
+    columns = ("object", "scan", "start off by", "after registration", "degrees")
+    rows = []
+    for name, scans in summary["registered"].items():
+        spacing = summary["clouds"][name]["spacing"]
+        for scan, of in list(scans.items())[1:]:
+            shifts = (f"{of[key] / spacing:.2f} spacings" for key in ("start_shift", "error_shift"))
+            rows.append((name, scan, *shifts, f"{of['start_deg']:.2f}, then {of['error_deg']:.2f}"))
+    return Table("Scans registered one onto those before it (thesis method): errors against the truth", columns, rows)
 
 
 def _nearness(summary: Mapping[str, Any]) -> Table:
