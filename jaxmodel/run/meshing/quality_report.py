@@ -8,7 +8,8 @@ import numpy as np
 from jaxmodel.io.meshes import load_mesh
 from jaxmodel.io.results import RunDir
 from jaxmodel.mesh.quality import BINS, smoothness, triangle_shape
-from jaxmodel.run.meshing.quality_tables import LABELS, SPHERES, tables
+from jaxmodel.run.meshing.criteria_tables import SPHERES
+from jaxmodel.run.meshing.quality_tables import LABELS, tables
 from jaxmodel.run.provenance import facts
 from jaxmodel.scan.triangle_mesh import icosphere
 from jaxmodel.view.charts import Chart, Panel, Series

@@ -5,9 +5,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxmodel.mesh.quality import BINS, smoothness, triangle_shape
+from jaxmodel.mesh.quality import BINS
+from jaxmodel.run.meshing.criteria_tables import known_shapes, synthetic_part_table
 from jaxmodel.run.published import published_table
-from jaxmodel.scan.triangle_mesh import icosphere
 from jaxmodel.view.table import Table
 
 LABELS = {
@@ -20,7 +20,6 @@ LABELS = {
 }
 LOW = 0.3
 """A triangle of lower Q_equ is called degenerate here."""
-SPHERES = (0, 1, 2, 3, 4)
 _OF = {"ball": "ball", "ball_thinned": "ball", "deformable_5": "deformable_5", "deformable_6": "deformable_6"}
 """Method -> the published column it is compared to."""
 
@@ -44,7 +43,8 @@ CRITERIA = (
 def tables(summary: Mapping[str, Any], command: str) -> list[Table]:
     """All tables of a finished run, *published | ours* last."""
     return [
-        _known_shapes(),
+        known_shapes(),
+        synthetic_part_table(),
         *([_registered(summary)] if summary.get("registered") else []),
         _nearness(summary),
         *([_sweep(summary)] if summary["sweep"] else []),
@@ -261,21 +261,6 @@ def _sweep(summary: Mapping[str, Any]) -> Table:
         for row in of
     ]
     return Table("One pass of one ball, no hole closed, on the cloud made one sheet", columns, rows)
-
-
-def _known_shapes() -> Table:
-    right = published_table("mesh_quality")["right_isosceles_Q_equ"]
-    corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0.5, np.sqrt(0.75), 0]])
-    face = {"right isosceles triangle": (f"{right}", [0, 1, 2]), "equilateral triangle": ("1", [0, 1, 3])}
-    rows = [
-        (f"Q_equ, {name}", printed, f"{triangle_shape(corners, np.array([of]))[0]:.4f}")
-        for name, (printed, of) in face.items()
-    ]
-    for subdivisions in SPHERES:
-        ball = icosphere(subdivisions)
-        smooth = smoothness(ball.vertices, ball.faces).mean()
-        rows.append((f"Q_nor, sphere of {len(ball.faces)} triangles", "rises with them", f"{smooth:.4f}"))
-    return Table("The criteria on known shapes (Figs 3.13, 3.14)", ("what", "published", "ours"), rows)
 
 
 def _find(summary: Mapping[str, Any], name: str, method: str) -> Mapping[str, Any] | None:
