@@ -1,7 +1,7 @@
 """Where one primitive ends and the next begins: scraps taken in, triangles on a border given to the better side."""
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from jaxmodel.mesh.adjacency import face_components
 from jaxmodel.mesh.primitives import Surface, offset
@@ -50,7 +50,7 @@ def take_in_scraps(
     """
     grown = label.copy()
     for _ in range(rings):
-        face, name, cost = _offers(vertices, faces, pairs, surfaces, grown, grown < 0)
+        face, name, cost = offers(vertices, faces, pairs, surfaces, grown, grown < 0)
         cost = np.where(cost <= 3 * reach * reach, cost, np.inf)
         order = np.lexsort((cost, face))
         first = order[np.flatnonzero(np.diff(face[order], prepend=-1))]
@@ -92,7 +92,7 @@ def settle(
         on_border = (label[i] != label[j]) & named[label[i]] & named[label[j]]
         active = np.zeros(len(faces), bool)
         active[i[on_border]] = active[j[on_border]] = True
-        face, name, cost = _offers(vertices, faces, pairs, surfaces, label, active)
+        face, name, cost = offers(vertices, faces, pairs, surfaces, label, active)
         if len(face) == 0:
             break
         cost = cost / (2 * noise * noise) - STRAIGHTEN * _sides(pairs, label, face, name, active)
@@ -107,7 +107,14 @@ def settle(
     return label
 
 
-def _offers(vertices, faces, pairs, surfaces, label, active):
+def offers(
+    vertices: Float[np.ndarray, "n 3"],
+    faces: Int[np.ndarray, "m 3"],
+    pairs: Int[np.ndarray, "p 2"],
+    surfaces: list[Surface],
+    label: Int[np.ndarray, " m"],
+    active: Bool[np.ndarray, " m"],
+) -> tuple[Int[np.ndarray, " o"], Int[np.ndarray, " o"], Float[np.ndarray, " o"]]:
     """Of every active triangle each label among its neighbours and its own, once, and its misfit to that surface."""
     i, j = pairs.T
     forth, back = active[i] & (label[j] >= 0), active[j] & (label[i] >= 0)

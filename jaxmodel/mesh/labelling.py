@@ -1,16 +1,20 @@
 """From triangles to primitives, stage by stage: sure planes, round regions, small planes, borders, free-form rest."""
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from jaxmodel.mesh.adjacency import Adjacency
 from jaxmodel.mesh.boundaries import REACH, settle, split_islands, take_in_scraps
+from jaxmodel.mesh.bridges import bridging, take_in_bridges
 from jaxmodel.mesh.creases import CREASE_DEG, angles_deg, smooth_normals, smooth_parts
 from jaxmodel.mesh.flatness import flatness
 from jaxmodel.mesh.primitives import FREE_FORM, Surface, fit_plane, refine
 from jaxmodel.mesh.region_growing import Moments, face_moments, grow_flat, plane_of
 from jaxmodel.mesh.round_regions import Sheet, least_cosine, round_regions
 from jaxmodel.mesh.smooth_joins import smooth_joins
+from jaxmodel.mesh.wavy_planes import wavy_planes
 
 SMALLEST = 2e-3
 """Area of the smallest round primitive, and of the smallest plane that is not sure, in the mesh's area."""
@@ -28,6 +32,17 @@ MOST_TRIANGLES = 10_000
 """Triangles a fit is made from, evenly taken."""
 
 
+class Labelled(NamedTuple):
+    """The segment of each triangle, the surface and the smooth face of each segment, and which triangles only bridge a
+    crease between two segments: they belong to one of them, but do not lie on it.
+    """
+
+    label: Int[np.ndarray, " m"]
+    surfaces: list[Surface]
+    part: Int[np.ndarray, " s"]
+    bridge: Bool[np.ndarray, " m"]
+
+
 def label_faces(
     vertices: Float[np.ndarray, "n 3"],
     faces: Int[np.ndarray, "m 3"],
@@ -36,7 +51,7 @@ def label_faces(
     noise: float,
     edge: float,
     exact: bool,
-) -> tuple[Int[np.ndarray, " m"], list[Surface], Int[np.ndarray, " s"]]:
+) -> Labelled:
     """The segment of each triangle, and the surface and the smooth face of each segment.
 
     ``vectors`` are normals times 2 area, alike on both sides of an edge; ``noise`` the scatter that counts as flat,
@@ -67,6 +82,12 @@ def label_faces(
     small &= moments.table[0] >= SMALLEST * areas.sum()
     label, surfaces = _take_planes(label, surfaces, flat, moments, np.flatnonzero(small))
 
+    crease = _fine_creases(angle, shared.pairs, label < 0)
+    smallest = SMALLEST * areas.sum()
+    for surface, part in wavy_planes(vertices, faces, areas, shared.pairs, crease, label < 0, edge, smallest):
+        label[part] = len(surfaces)
+        surfaces.append(surface)
+
     near = REACH * noise
     label = take_in_scraps(vertices, faces, shared.pairs, surfaces, label, near, RINGS)
     label = take_in_scraps(vertices, faces, shared.pairs, surfaces, label, near + edge / 2, 1)
@@ -77,8 +98,12 @@ def label_faces(
     surfaces = [surfaces[k] for k in origin]
     label = take_in_scraps(vertices, faces, shared.pairs, surfaces, label, 1.5 * near + edge, RINGS, FEW)
     surfaces = _fitted(vertices, faces, areas, label, surfaces)
+    close = near if exact else near + edge / 2
+    bridge = bridging(vertices, faces, shared.pairs, surfaces, label, areas, close)
+    label = take_in_bridges(vertices, faces, shared.pairs, surfaces, label, bridge, 1.5 * near + edge)
     label, surfaces = _with_free_form(label, surfaces, shared.pairs, angle, areas)
-    return label, surfaces, smooth_joins(vertices, faces, shared, normals, label, surfaces)
+    part = smooth_joins(vertices, faces, shared, normals, label, surfaces)
+    return Labelled(label, surfaces, part, bridge)
 
 
 def _take_planes(label, surfaces, flat, moments: Moments, regions):
