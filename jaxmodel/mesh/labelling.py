@@ -98,9 +98,14 @@ def label_faces(
     surfaces = [surfaces[k] for k in origin]
     label = take_in_scraps(vertices, faces, shared.pairs, surfaces, label, 1.5 * near + edge, RINGS, FEW)
     surfaces = _fitted(vertices, faces, areas, label, surfaces)
-    close = near if exact else near + edge / 2
-    bridge = bridging(vertices, faces, shared.pairs, surfaces, label, areas, close)
-    label = take_in_bridges(vertices, faces, shared.pairs, surfaces, label, bridge, 1.5 * near + edge)
+    bridge = np.zeros(len(faces), bool)
+    while True:
+        more = bridging(vertices, faces, shared.pairs, surfaces, label, areas, near if exact else near + edge / 2)
+        taken = take_in_bridges(vertices, faces, shared.pairs, surfaces, label, more, 1.5 * near + edge)
+        if (taken == label).all():
+            break
+        label, bridge = taken, bridge | (taken != label)
+    label = take_in_scraps(vertices, faces, shared.pairs, surfaces, label, 1.5 * near + edge, RINGS, FEW)
     label, surfaces = _with_free_form(label, surfaces, shared.pairs, angle, areas)
     part = smooth_joins(vertices, faces, shared, normals, label, surfaces)
     return Labelled(label, surfaces, part, bridge)
