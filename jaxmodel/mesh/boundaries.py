@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from jaxmodel.mesh.adjacency import face_components
+from jaxmodel.mesh.adjacency import Adjacency, face_components
 from jaxmodel.mesh.primitives import Surface, offset
 
 REACH = 4.0
@@ -156,3 +156,20 @@ def split_islands(
     number = np.full(count, -1)
     number[kept] = np.arange(len(kept))
     return number[piece], of_piece[kept]
+
+
+def widths(
+    vertices: Float[np.ndarray, "n 3"],
+    shared: Adjacency,
+    areas: Float[np.ndarray, " m"],
+    label: Int[np.ndarray, " m"],
+    count: int,
+) -> Float[np.ndarray, " s"]:
+    """Twice the area of each of ``count`` labels over the length of its border: of a long strip, how wide it is."""
+    ends = vertices[shared.edges]
+    length = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
+    inner = shared.pair_edge[label[shared.pairs[:, 0]] == label[shared.pairs[:, 1]]]
+    length[inner] = 0
+    named = label >= 0
+    border = np.bincount(label[named], length[shared.edge_of[named]].sum(axis=1), count)
+    return 2 * np.bincount(label[named], areas[named], count) / np.maximum(border, 1e-300)

@@ -6,10 +6,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from jaxmodel.mesh.adjacency import Adjacency
-from jaxmodel.mesh.boundaries import REACH, settle, split_islands, take_in_scraps
+from jaxmodel.mesh.boundaries import REACH, settle, split_islands, take_in_scraps, widths
 from jaxmodel.mesh.bridges import bridging, take_in_bridges
 from jaxmodel.mesh.creases import CREASE_DEG, angles_deg, smooth_normals, smooth_parts
-from jaxmodel.mesh.flatness import flatness
+from jaxmodel.mesh.flatness import LARGE, flatness
 from jaxmodel.mesh.primitives import FREE_FORM, Surface, fit_plane, refine
 from jaxmodel.mesh.region_growing import Moments, face_moments, grow_flat, plane_of
 from jaxmodel.mesh.round_regions import Sheet, least_cosine, round_regions
@@ -83,7 +83,7 @@ def label_faces(
     label, surfaces = _take_planes(label, surfaces, flat, moments, np.flatnonzero(small))
 
     crease = _fine_creases(angle, shared.pairs, label < 0)
-    smallest = SMALLEST * areas.sum()
+    smallest = LARGE * areas.sum()
     for surface, part in wavy_planes(vertices, faces, areas, shared.pairs, crease, label < 0, edge, smallest):
         label[part] = len(surfaces)
         surfaces.append(surface)
@@ -96,6 +96,9 @@ def label_faces(
         label = settle(vertices, faces, shared.pairs, surfaces, label, noise)
     label, origin = split_islands(shared.pairs, areas, label)
     surfaces = [surfaces[k] for k in origin]
+    if not exact:
+        narrow = widths(vertices, shared, areas, label, len(surfaces)) < edge
+        label = np.where(np.append(narrow, True)[label], -1, label)
     label = take_in_scraps(vertices, faces, shared.pairs, surfaces, label, 1.5 * near + edge, RINGS, FEW)
     surfaces = _fitted(vertices, faces, areas, label, surfaces)
     bridge = np.zeros(len(faces), bool)
