@@ -110,7 +110,7 @@ def label_faces(
         label, bridge = taken, bridge | (taken != label)
     label = take_in_scraps(vertices, faces, shared.pairs, surfaces, label, 1.5 * near + edge, RINGS, FEW)
     label, surfaces = _with_free_form(label, surfaces, shared.pairs, angle, areas)
-    part = smooth_joins(vertices, faces, shared, normals, label, surfaces)
+    part = smooth_joins(vertices, faces, shared, vectors, label, surfaces, noise / edge)
     return Labelled(label, surfaces, part, bridge)
 
 
