@@ -14,7 +14,8 @@ from jaxmodel.mesh.primitives import FREE_FORM, Surface, fit_plane, refine
 from jaxmodel.mesh.region_growing import Moments, face_moments, grow_flat, plane_of
 from jaxmodel.mesh.round_regions import Sheet, least_cosine, round_regions
 from jaxmodel.mesh.smooth_joins import smooth_joins
-from jaxmodel.mesh.wavy_planes import wavy_planes
+from jaxmodel.mesh.surface_noise import quadric_noise
+from jaxmodel.mesh.wavy_planes import WAVE, wavy_planes
 
 SMALLEST = 2e-3
 """Area of the smallest round primitive, and of the smallest plane that is not sure, in the mesh's area."""
@@ -72,7 +73,9 @@ def label_faces(
         for sheet, part in sheets:
             if (part[0], len(part)) in searched:
                 continue
-            found = round_regions(sheet, noise, SMALLEST * areas.sum())
+            # flat parts may be exact where the vertices of round ones lie on chords
+            chords = min(quadric_noise(vertices[np.unique(sheet.faces)]), WAVE * edge)
+            found = round_regions(sheet, max(noise, chords), SMALLEST * areas.sum())
             for surface, region in found:
                 label[part[region]] = len(surfaces)
                 surfaces.append(surface)

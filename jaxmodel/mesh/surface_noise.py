@@ -29,7 +29,7 @@ def surface_noise(vertices: Float[np.ndarray, "n 3"], faces: Int[np.ndarray, "m 
     used = np.flatnonzero(corner)
     if len(used) < FEWEST or len(shared.pairs) == 0:
         return 0.0
-    return min(_flap_noise(vertices, faces, shared), _quadric_noise(vertices[used]))
+    return min(_flap_noise(vertices, faces, shared), quadric_noise(vertices[used]))
 
 
 def _flap_noise(vertices: np.ndarray, faces: np.ndarray, shared: Adjacency) -> float:
@@ -47,7 +47,10 @@ def _flap_noise(vertices: np.ndarray, faces: np.ndarray, shared: Adjacency) -> f
     return float(np.quantile(np.abs(height / scale), 0.25)) / FLAP_QUARTILE
 
 
-def _quadric_noise(points: Float[np.ndarray, "n 3"]) -> float:
+def quadric_noise(points: Float[np.ndarray, "n 3"]) -> float:
+    """Standard deviation of points about local quadrics, from the quieter quarter of them; 0 for too few points."""
+    if len(points) < FEWEST:
+        return 0.0
     tree = KDTree(points, balanced_tree=False, compact_nodes=False)
     seeds = points[:: max(1, len(points) // SAMPLES)]
     _, near = tree.query(seeds, k=NEIGHBOURS)
