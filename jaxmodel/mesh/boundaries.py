@@ -4,6 +4,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from jaxmodel.mesh.adjacency import Adjacency, face_components
+from jaxmodel.mesh.creases import links_within
 from jaxmodel.mesh.primitives import Surface, offset
 
 REACH = 4.0
@@ -49,6 +50,7 @@ def take_in_scraps(
     triangles than ``most``.
     """
     grown = label.copy()
+    pairs = pairs[(label[pairs[:, 0]] < 0) | (label[pairs[:, 1]] < 0)]
     for _ in range(rings):
         face, name, cost = offers(vertices, faces, pairs, surfaces, grown, grown < 0)
         cost = np.where(cost <= 3 * reach * reach, cost, np.inf)
@@ -59,11 +61,7 @@ def take_in_scraps(
             break
         grown[face[first]] = name[first]
     scraps = np.flatnonzero(label < 0)
-    number = np.full(len(label), -1)
-    number[scraps] = np.arange(len(scraps))
-    links = number[pairs]
-    links = links[(links >= 0).all(axis=1)]
-    count, group = face_components(len(scraps), links)
+    count, group = face_components(len(scraps), links_within(label < 0, pairs))
     open_group = np.zeros(count, bool)
     open_group[group[grown[scraps] < 0]] = True
     if most is not None:

@@ -5,6 +5,7 @@ from jaxtyping import Bool, Float, Int
 
 from jaxmodel.mesh.adjacency import face_components
 from jaxmodel.mesh.boundaries import offers
+from jaxmodel.mesh.creases import links_within
 from jaxmodel.mesh.primitives import Surface, offset
 
 EXPLAINED = 0.9
@@ -27,25 +28,26 @@ def bridging(
     ``close`` of it. A rounding of several rows has vertices of its own in between, and stays.
     """
     free = label < 0
+    if not free.any():
+        return free
     lowest, highest = _held(faces, label, len(vertices), len(surfaces))
     on = highest >= 0
-    low, high = lowest[faces].min(axis=1), highest[faces].max(axis=1)
-    across = free & on[faces].all(axis=1) & (low != high)
+    some = np.flatnonzero(free)
+    low, high = lowest[faces[some]].min(axis=1), highest[faces[some]].max(axis=1)
+    across = free.copy()
+    across[some] = on[faces[some]].all(axis=1) & (low != high)
     rest = np.flatnonzero(free & ~across)
+    low, high = low[~across[some]], high[~across[some]]
     if len(rest) == 0:
         return across
-    number = np.full(len(faces), -1)
-    number[rest] = np.arange(len(rest))
-    links = number[pairs]
-    links = links[(links >= 0).all(axis=1)]
-    count, group = face_components(len(rest), links)
+    count, group = face_components(len(rest), links_within(free & ~across, pairs))
     near = on | _beside(vertices, faces[rest], surfaces, lowest, highest, close)
     explained = near[faces[rest]].all(axis=1)
     area = np.bincount(group, areas[rest], count)
     narrow = np.bincount(group, areas[rest] * explained, count) >= EXPLAINED * area
     least, most = np.full(count, len(surfaces)), np.full(count, -1)
-    np.minimum.at(least, group, low[rest])
-    np.maximum.at(most, group, high[rest])
+    np.minimum.at(least, group, low)
+    np.maximum.at(most, group, high)
     across[rest] = (narrow & (least < most))[group]
     return across
 

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 from jaxmodel.mesh.adjacency import Adjacency
 from jaxmodel.mesh.boundaries import REACH, settle, split_islands, take_in_scraps, widths
 from jaxmodel.mesh.bridges import bridging, take_in_bridges
-from jaxmodel.mesh.creases import CREASE_DEG, angles_deg, smooth_normals, smooth_parts
+from jaxmodel.mesh.creases import CREASE_DEG, angles_deg, links_within, smooth_normals, smooth_parts
 from jaxmodel.mesh.flatness import LARGE, flatness
 from jaxmodel.mesh.primitives import FREE_FORM, Surface, fit_plane, refine
 from jaxmodel.mesh.region_growing import Moments, face_moments, grow_flat, plane_of
@@ -29,6 +29,8 @@ ALONE = 0.9
 FREE_CREASE_DEG = 10.0
 SHARPER = 4.0
 """A crease within free-form parts: at least ``FREE_CREASE_DEG`` and so many times the usual angle there."""
+SHEET_SAMPLES = 400
+"""Places at which the scatter of a smooth part is looked at."""
 MOST_TRIANGLES = 10_000
 """Triangles a fit is made from, evenly taken."""
 
@@ -74,7 +76,7 @@ def label_faces(
             if (part[0], len(part)) in searched:
                 continue
             # flat parts may be exact where the vertices of round ones lie on chords
-            chords = min(quadric_noise(vertices[np.unique(sheet.faces)]), WAVE * edge)
+            chords = min(quadric_noise(vertices[np.unique(sheet.faces)], SHEET_SAMPLES), WAVE * edge)
             found = round_regions(sheet, max(noise, chords), SMALLEST * areas.sum())
             for surface, region in found:
                 label[part[region]] = len(surfaces)
@@ -128,33 +130,35 @@ def _take_planes(label, surfaces, flat, moments: Moments, regions):
 
 def _smoothed(vectors, pairs, rest: Bool[np.ndarray, " m"], scatter):
     """Unit normals, smoothed among the triangles that have no name yet."""
-    inside = np.flatnonzero(rest)
-    number = np.full(len(vectors), -1)
-    number[inside] = np.arange(len(inside))
-    links = number[pairs]
     normals = vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
-    normals[inside] = smooth_normals(vectors[inside], links[(links >= 0).all(axis=1)], scatter)
+    normals[rest] = smooth_normals(vectors[rest], links_within(rest, pairs), scatter)
     return normals
 
 
 def _sheets(vertices, faces, pairs, normals, areas, flat, rest, crease, smooth, turn):
     """The smooth parts of ``rest`` to look for round surfaces in, and their triangles."""
-    for part in smooth_parts(rest, pairs, crease, areas, SMALLEST * areas.sum()):
-        if np.bincount(flat[part], areas[part]).max() > ALONE * areas[part].sum():
-            continue
-        number = np.full(len(faces), -1)
+    parts = smooth_parts(rest, pairs, crease, areas, SMALLEST * areas.sum())
+    parts = [part for part in parts if np.bincount(flat[part], areas[part]).max() <= ALONE * areas[part].sum()]
+    part_of, number = np.full(len(faces), -1), np.zeros(len(faces), np.int64)
+    for k, part in enumerate(parts):
+        part_of[part] = k
         number[part] = np.arange(len(part))
-        links = number[pairs[~crease]]
-        links = links[(links >= 0).all(axis=1)]
-        out = (number[pairs] >= 0).sum(axis=1) == 1
-        out &= rest[pairs].all(axis=1) & smooth
-        beyond = np.bincount(number[pairs[out]].max(axis=1), minlength=len(part))
-        yield Sheet(vertices, faces[part], normals[part], areas[part], flat[part], links, beyond, turn), part
+    first, second = part_of[pairs[:, 0]], part_of[pairs[:, 1]]
+    inside, out = (first == second) & (first >= 0) & ~crease, (first != second) & smooth
+    out &= rest[pairs[:, 0]] & rest[pairs[:, 1]]
+    links, of_link = number[pairs[inside]], first[inside]
+    ends = np.concatenate([pairs[out, 0], pairs[out, 1]])
+    for k, part in enumerate(parts):
+        beyond = np.bincount(number[ends[part_of[ends] == k]], minlength=len(part))
+        yield (
+            Sheet(vertices, faces[part], normals[part], areas[part], flat[part], links[of_link == k], beyond, turn),
+            part,
+        )
 
 
 def _fine_creases(angle, pairs, free):
     """Creases among the triangles of ``free``: many times sharper than the usual edge there."""
-    inside = free[pairs].all(axis=1)
+    inside = free[pairs[:, 0]] & free[pairs[:, 1]]
     usual = float(np.median(angle[inside])) if inside.any() else 0.0
     return angle >= np.clip(SHARPER * usual, FREE_CREASE_DEG, CREASE_DEG)
 
@@ -206,7 +210,7 @@ def _with_free_form(label, surfaces, pairs, angle, areas):
     for part in smooth_parts(free, pairs, crease, areas, SMALLEST * areas.sum()):
         label[part] = len(surfaces)
         surfaces.append(FREE_FORM)
-    links = pairs[free[pairs].all(axis=1)]
+    links = pairs[free[pairs[:, 0]] & free[pairs[:, 1]]]
     while True:
         first, second = label[links].T
         forth, back = (first >= 0) & (second < 0), (second >= 0) & (first < 0)
@@ -214,7 +218,7 @@ def _with_free_form(label, surfaces, pairs, angle, areas):
             break
         label[links[forth, 1]] = first[forth]
         label[links[back, 0]] = second[back]
-        links = links[(label[links] < 0).any(axis=1)]
+        links = links[(label[links[:, 0]] < 0) | (label[links[:, 1]] < 0)]
     for part in smooth_parts(label < 0, pairs, np.zeros(len(pairs), bool), areas):
         label[part] = len(surfaces)
         surfaces.append(FREE_FORM)

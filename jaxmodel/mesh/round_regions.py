@@ -11,6 +11,7 @@ from jaxtyping import Float, Int
 from scipy.spatial import KDTree
 
 from jaxmodel.mesh.adjacency import face_components
+from jaxmodel.mesh.creases import links_within
 from jaxmodel.mesh.primitives import Surface, fit_plane, offset, refine, round_guesses
 
 SAMPLES, SEEDS, TRIED = 600, 30, 12
@@ -175,11 +176,9 @@ def _rms(surface: Surface, points):
 
 
 def _largest_connected(sheet: Sheet, inside):
-    number = np.full(len(sheet.faces), -1)
-    number[inside] = np.arange(len(inside))
-    links = number[sheet.pairs]
-    links = links[(links >= 0).all(axis=1)]
     if len(inside) == 0:
         return inside
-    _, label = face_components(len(inside), links)
+    within = np.zeros(len(sheet.faces), bool)
+    within[inside] = True
+    _, label = face_components(len(inside), links_within(within, sheet.pairs))
     return inside[label == np.argmax(np.bincount(label, sheet.areas[inside]))]

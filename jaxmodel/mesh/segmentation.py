@@ -120,9 +120,7 @@ def _by_area(label, surfaces, part, areas):
     return label, [surfaces[k] for k in rank], np.argsort(part_rank)[part]
 
 
-def _primitives(
-    label, surfaces: list[Surface], vertices, faces, areas, bridge, order, frame: Frame
-) -> list[Primitive]:
+def _primitives(label, surfaces: list[Surface], vertices, faces, areas, bridge, order, frame: Frame) -> list[Primitive]:
     """What is to be told of each segment, in the frame and unit of the mesh given."""
     by_label = np.argsort(label, kind="stable")
     ends = np.searchsorted(label[by_label], np.arange(len(surfaces) + 1))

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from jaxmodel.mesh.adjacency import Adjacency, face_components
-from jaxmodel.mesh.creases import CREASE_DEG, smooth_normals
+from jaxmodel.mesh.creases import CREASE_DEG, links_within, smooth_normals
 from jaxmodel.mesh.primitives import Surface, offset
 
 SMOOTH_DEG = 10.0
@@ -56,7 +56,9 @@ def smooth_joins(
 
 def _averaged(angle, join, edges, length):
     """The angle of each border edge averaged with those next to it between the same two segments, by length."""
-    corner = np.unique(join[:, None] * np.int64(edges.max(initial=0) + 1) + edges, return_inverse=True)[1].reshape(-1, 2)
+    corner = np.unique(join[:, None] * np.int64(edges.max(initial=0) + 1) + edges, return_inverse=True)[1].reshape(
+        -1, 2
+    )
     weight = np.bincount(corner.reshape(-1), np.repeat(length, 2))
     for _ in range(ALONG):
         total = np.bincount(corner.reshape(-1), np.repeat(angle * length, 2))
@@ -68,11 +70,7 @@ def _free_normals(vectors, pairs, label, surfaces, scatter):
     """Unit normals, smoothed among the free-form triangles of each segment."""
     normals = vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
     free = np.array([surface.kind == "free-form" for surface in surfaces])[label]
-    inside = np.flatnonzero(free)
-    number = np.full(len(label), -1)
-    number[inside] = np.arange(len(inside))
-    links = number[pairs]
-    normals[inside] = smooth_normals(vectors[inside], links[(links >= 0).all(axis=1)], scatter)
+    normals[free] = smooth_normals(vectors[free], links_within(free, pairs), scatter)
     return normals
 
 

@@ -47,12 +47,12 @@ def _flap_noise(vertices: np.ndarray, faces: np.ndarray, shared: Adjacency) -> f
     return float(np.quantile(np.abs(height / scale), 0.25)) / FLAP_QUARTILE
 
 
-def quadric_noise(points: Float[np.ndarray, "n 3"]) -> float:
+def quadric_noise(points: Float[np.ndarray, "n 3"], samples: int = SAMPLES) -> float:
     """Standard deviation of points about local quadrics, from the quieter quarter of them; 0 for too few points."""
     if len(points) < FEWEST:
         return 0.0
     tree = KDTree(points, balanced_tree=False, compact_nodes=False)
-    seeds = points[:: max(1, len(points) // SAMPLES)]
+    seeds = points[:: max(1, len(points) // samples)]
     _, near = tree.query(seeds, k=NEIGHBOURS)
     local = points[near] - seeds[:, None]
     local = local - local.mean(axis=1, keepdims=True)
