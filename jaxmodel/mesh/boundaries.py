@@ -50,9 +50,14 @@ def take_in_scraps(
     triangles than ``most``.
     """
     grown = label.copy()
-    pairs = pairs[(label[pairs[:, 0]] < 0) | (label[pairs[:, 1]] < 0)]
+    scraps = np.flatnonzero(label < 0)
+    count, group = face_components(len(scraps), links_within(label < 0, pairs))
+    open_group = np.zeros(count, bool) if most is None else np.bincount(group, minlength=count) > most
+    tried = label < 0
+    tried[scraps[open_group[group]]] = False
+    pairs = pairs[tried[pairs[:, 0]] | tried[pairs[:, 1]]]
     for _ in range(rings):
-        face, name, cost = offers(vertices, faces, pairs, surfaces, grown, grown < 0)
+        face, name, cost = offers(vertices, faces, pairs, surfaces, grown, tried & (grown < 0))
         cost = np.where(cost <= 3 * reach * reach, cost, np.inf)
         order = np.lexsort((cost, face))
         first = order[np.flatnonzero(np.diff(face[order], prepend=-1))]
@@ -60,12 +65,7 @@ def take_in_scraps(
         if len(first) == 0:
             break
         grown[face[first]] = name[first]
-    scraps = np.flatnonzero(label < 0)
-    count, group = face_components(len(scraps), links_within(label < 0, pairs))
-    open_group = np.zeros(count, bool)
     open_group[group[grown[scraps] < 0]] = True
-    if most is not None:
-        open_group |= np.bincount(group, minlength=count) > most
     grown[scraps[open_group[group]]] = -1
     return grown
 
@@ -90,10 +90,11 @@ def settle(
         on_border = (label[i] != label[j]) & named[label[i]] & named[label[j]]
         active = np.zeros(len(faces), bool)
         active[i[on_border]] = active[j[on_border]] = True
-        face, name, cost = offers(vertices, faces, pairs, surfaces, label, active)
+        beside = pairs[active[i] | active[j]]
+        face, name, cost = offers(vertices, faces, beside, surfaces, label, active)
         if len(face) == 0:
             break
-        cost = cost / (2 * noise * noise) - STRAIGHTEN * _sides(pairs, label, face, name, active)
+        cost = cost / (2 * noise * noise) - STRAIGHTEN * _sides(beside, label, face, name, active)
         order = np.lexsort((name != label[face], cost, face))
         first = order[np.flatnonzero(np.diff(face[order], prepend=-1))]
         first = first[np.isfinite(cost[first])]

@@ -129,10 +129,12 @@ def _shares(guesses: list[Surface], points, normals, areas, noise, turn):
     if not guesses:
         return np.zeros(0)
     direction = np.nan_to_num(np.array([guess.direction for guess in guesses]))
-    local = points - np.array([guess.point for guess in guesses])[:, None]
-    along = np.einsum("gni,gi->gn", local, direction)
-    reach = np.sqrt(np.maximum(np.einsum("gni,gni->gn", local, local) - along**2, 1e-300))
-    facing = np.abs(np.einsum("gni,ni->gn", local, normals) - along * (direction @ normals.T)) >= turn * reach
+    centre = np.array([guess.point for guess in guesses])
+    along = direction @ points.T - np.einsum("gi,gi->g", direction, centre)[:, None]
+    square = np.einsum("gi,gi->g", centre, centre)[:, None] - 2 * centre @ points.T
+    reach = np.sqrt(np.maximum(square + np.einsum("ni,ni->n", points, points) - along**2, 1e-300))
+    outward = np.einsum("ni,ni->n", points, normals) - centre @ normals.T
+    facing = np.abs(outward - along * (direction @ normals.T)) >= turn * reach
     close = np.abs(reach - np.array([guess.radius for guess in guesses])[:, None]) <= WITHIN * noise
     return (facing & close) @ areas
 
