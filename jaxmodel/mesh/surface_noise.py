@@ -61,6 +61,9 @@ def quadric_noise(points: Float[np.ndarray, "n 3"], samples: int = SAMPLES) -> f
     size = np.maximum(np.sqrt((u**2).mean(axis=1, keepdims=True)), 1e-300)
     u, v = u / size, v / size
     terms = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=2)
-    fitted = np.einsum("skt,st->sk", terms, np.einsum("stk,sk->st", np.linalg.pinv(terms, rcond=1e-8), z))
+    normal = terms.mT @ terms
+    # a trace of damping: neighbours in a row leave some terms open
+    normal += 1e-10 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(6)
+    fitted = (terms @ np.linalg.solve(normal, terms.mT @ z[:, :, None]))[:, :, 0]
     scatter = np.sqrt(((z - fitted) ** 2).sum(axis=1) / (NEIGHBOURS - 6))
     return float(np.quantile(scatter, 0.25)) / FIT_QUARTILE
