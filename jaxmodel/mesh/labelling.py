@@ -9,7 +9,7 @@ from jaxmodel.mesh.adjacency import Adjacency
 from jaxmodel.mesh.boundaries import REACH, settle, split_islands, take_in_scraps, widths
 from jaxmodel.mesh.bridges import bridging, take_in_bridges
 from jaxmodel.mesh.creases import CREASE_DEG, angles_deg, links_within, smooth_normals, smooth_parts
-from jaxmodel.mesh.flatness import LARGE, flatness
+from jaxmodel.mesh.flatness import LARGE, TRIANGLES, flatness
 from jaxmodel.mesh.primitives import FREE_FORM, Surface, fit_plane, refine
 from jaxmodel.mesh.region_growing import Moments, face_moments, grow_flat, plane_of
 from jaxmodel.mesh.round_regions import Sheet, least_cosine, round_regions
@@ -101,9 +101,10 @@ def label_faces(
         label = settle(vertices, faces, shared.pairs, surfaces, label, noise)
     label, origin = split_islands(shared.pairs, areas, label)
     surfaces = [surfaces[k] for k in origin]
-    if not exact:
-        narrow = widths(vertices, shared, areas, label, len(surfaces)) < edge
-        label = np.where(np.append(narrow, True)[label], -1, label)
+    narrow = widths(vertices, shared, areas, label, len(surfaces)) < edge
+    # a long bevel of small triangles bridges a crease; a few large ones are a chamfer of an exact mesh
+    narrow &= (not exact) | (np.bincount(label[label >= 0], minlength=len(surfaces)) >= TRIANGLES)
+    label = np.where(np.append(narrow, True)[label], -1, label)
     label = take_in_scraps(vertices, faces, shared.pairs, surfaces, label, 1.5 * near + edge, RINGS, FEW)
     surfaces = _fitted(vertices, faces, areas, label, surfaces)
     bridge = np.zeros(len(faces), bool)
