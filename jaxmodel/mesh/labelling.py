@@ -29,6 +29,8 @@ ALONE = 0.9
 FREE_CREASE_DEG = 10.0
 SHARPER = 4.0
 """A crease within free-form parts: at least ``FREE_CREASE_DEG`` and so many times the usual angle there."""
+BEVEL = 0.8
+"""Mean side of a bevel's triangles, at least, in its width; a round end cut into a fan has 0.7."""
 SHEET_SAMPLES = 400
 """Places at which the scatter of a smooth part is looked at."""
 MOST_TRIANGLES = 10_000
@@ -101,9 +103,11 @@ def label_faces(
         label = settle(vertices, faces, shared.pairs, surfaces, label, noise)
     label, origin = split_islands(shared.pairs, areas, label)
     surfaces = [surfaces[k] for k in origin]
-    narrow = widths(vertices, shared, areas, label, len(surfaces)) < edge
-    # a long bevel of small triangles bridges a crease; a few large ones are a chamfer of an exact mesh
-    narrow &= (not exact) | (np.bincount(label[label >= 0], minlength=len(surfaces)) >= TRIANGLES)
+    wide = widths(vertices, shared, areas, label, len(surfaces))
+    narrow = wide < edge
+    if exact:
+        # a long bevel of triangles as small as it is wide bridges a crease; a few large ones are a chamfer
+        narrow &= _bevels(vertices, faces, label, wide)
     label = np.where(np.append(narrow, True)[label], -1, label)
     label = take_in_scraps(vertices, faces, shared.pairs, surfaces, label, 1.5 * near + edge, RINGS, FEW)
     surfaces = _fitted(vertices, faces, areas, label, surfaces)
@@ -198,6 +202,15 @@ def _fitted(vertices, faces, areas, label, surfaces):
         points, weights = vertices[faces[some]].reshape(-1, 3), np.repeat(areas[some], 3)
         result.append(fit_plane(points, weights) if surface.kind == "plane" else refine(surface, points, weights))
     return result
+
+
+def _bevels(vertices, faces, label, wide):
+    """Which labels have many triangles, with sides about as long in the mean as the label is ``wide``."""
+    named = label >= 0
+    corners = vertices[faces[named]]
+    side = np.linalg.norm(corners - corners[:, [1, 2, 0]], axis=2).mean(axis=1)
+    count = np.bincount(label[named], minlength=len(wide))
+    return (count >= TRIANGLES) & (np.bincount(label[named], side, len(wide)) > BEVEL * wide * count)
 
 
 def _with_free_form(label, surfaces, pairs, angle, areas):
