@@ -1,11 +1,13 @@
 """Write the tables of results into README.md and experiments/README.md, between their marks, from finished runs.
 
-Run it after ``experiments/convergence.py``, ``experiments/chapter2.py``, ``experiments/hand_eye.py`` and the scripts of
-``experiments/bench`` with ``--write-baseline``: nothing in the tables is typed by hand.
+Run it after ``experiments/convergence.py``, ``experiments/chapter2.py``, ``experiments/hand_eye.py``,
+``experiments/meshing.py`` and the scripts of ``experiments/bench`` with ``--write-baseline``: nothing in the tables is
+typed by hand. With ``--only`` the rows of the other scripts stay as they are.
 """
 
 import argparse
 import json
+import re
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,6 +21,8 @@ from jaxmodel.run.published import published_table
 ROOT = Path(__file__).resolve().parents[1]
 BEGIN, END = "<!-- results: written by experiments/readme_results.py -->", "<!-- end of results -->"
 HAND_EYE = "<!-- hand-eye: written by experiments/readme_results.py -->", "<!-- end of hand-eye -->"
+MESHES = "<!-- meshes: written by experiments/readme_results.py -->", "<!-- end of meshes -->"
+GROUPS = ("convergence", "chapter2", "hand_eye", "meshing", "bench")
 METHODS = ("axis/angle", "dual quaternions", "nonlinear", "linear", "self-calibration")
 SHOWN = ("converged", "true rotation error", "iterations", "time with extraction")
 PICTURE = "bunny/figures/bun000-bun045-error-and-truth.png"
@@ -169,10 +173,20 @@ def benchmark_rows() -> list[tuple[str, str, str, str]]:
         f"{value['sweep_with_table_vs_small_gicp_2_threads']:.0f} x and {value['sweep_with_table_vs_open3d']:.0f} x"
     )
     lanes = f"{value['lanes_vs_vmap']:.1f} x (refilled lanes), {value['cores_vs_vmap']:.1f} x (cores)"
+    meshes = (
+        f"{value['mesh_vs_open3d_05_1_2']:.2g} x with radii of 0.5, 1, 2 mm, "
+        f"{value['mesh_vs_open3d_08_12_2']:.2g} x with 0.8, 1.2, 2 mm"
+    )
     memory = f"{value['peak_memory_100000_vs_1000']:.2f} x"
     return [
         ("starts/s of plain point-to-point ICP, 2 cores", "", sweep, "`python experiments/bench/sweep_vs_peers.py`"),
         ("lane engine against `vmap(while_loop)`", "", lanes, "`python experiments/bench/lane_engine.py`"),
+        (
+            "ten bunny scans thinned, meshed and segmented, against Open3D's bare ball pivoting",
+            "",
+            meshes,
+            "`python experiments/bench/mesh_vs_open3d.py`",
+        ),
         ("peak memory, 100 000 starts against 1000", "", memory, "`python experiments/bench/memory.py`"),
     ]
 
@@ -180,23 +194,60 @@ def benchmark_rows() -> list[tuple[str, str, str, str]]:
 BASELINE = ROOT / "experiments" / "bench" / "baseline.json"
 
 
+def mesh_tables(folder: Path) -> list[str]:
+    """Every table of both experiments on meshes, as Markdown."""
+    lines = []
+    for table in json.loads((folder / "results.json").read_text())["tables"]:
+        lines += [f"*{table['title']}*", "", *_markdown(table["columns"], table["rows"]), ""]
+    return lines[:-1]
+
+
+def rows_by_script(readme: str) -> dict[str, list[tuple[str, ...]]]:
+    """The rows that a README has, by the script of their last cell; "the same" is that of the row before."""
+    table = readme.split(BEGIN)[1].split(END)[0].strip().splitlines()[2:]
+    found: dict[str, list[tuple[str, ...]]] = {}
+    script = ""
+    for line in table:
+        cells = tuple(cell.replace("\\|", "|") for cell in re.split(r"(?<!\\) \| ", line[2:-2]))
+        script = script if cells[-1] == "the same" else _group(cells[-1])
+        found.setdefault(script, []).append(cells)
+    return found
+
+
+def _group(command: str) -> str:
+    return "bench" if "/bench/" in command else Path(command.strip("`").split(" ")[1]).stem
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=Path, default=Path("runs/convergence"), help="--out of convergence.py")
     parser.add_argument("--chapter", type=Path, default=Path("runs/chapter2"), help="--out of chapter2.py")
     parser.add_argument("--hand-eye", type=Path, default=Path("runs/hand-eye"), help="--out of hand_eye.py")
+    parser.add_argument("--meshes", type=Path, default=Path("runs/meshing"), help="--out of meshing.py")
+    parser.add_argument("--only", nargs="+", choices=GROUPS, default=GROUPS, help="only the rows of these scripts")
     given = parser.parse_args()
-    runs = given.runs
-    found = (
-        *convergence_rows(runs), *chapter_rows(given.chapter), *hand_eye_rows(given.hand_eye), *benchmark_rows()
-    )  # fmt: skip
-    readme = ROOT / "README.md"
+    readme, page, pictures = ROOT / "README.md", ROOT / "experiments" / "README.md", ROOT / "experiments" / "pictures"
+    rows = rows_by_script(readme.read_text())
+    made = {
+        "convergence": lambda: convergence_rows(given.runs),
+        "chapter2": lambda: chapter_rows(given.chapter),
+        "hand_eye": lambda: hand_eye_rows(given.hand_eye),
+        "meshing": lambda: json.loads((given.meshes / "results.json").read_text())["rows"],
+        "bench": benchmark_rows,
+    }
+    rows |= {name: made[name]() for name in given.only}
+    found = [row for name in GROUPS for row in rows.get(name, [])]
     write_between(readme, (BEGIN, END), _markdown(("what", "published", "ours", "command"), found))
-    write_between(ROOT / "experiments" / "README.md", HAND_EYE, hand_eye_tables(given.hand_eye))
-    pictures = ROOT / "experiments" / "pictures"
-    shutil.copyfile(runs / PICTURE, pictures / "convergence.png")
-    shutil.copyfile(given.chapter / "conclusion.png", pictures / "chapter2.png")
-    shutil.copyfile(given.hand_eye / "hand_eye.png", pictures / "hand_eye.png")
+    if "hand_eye" in given.only:
+        write_between(page, HAND_EYE, hand_eye_tables(given.hand_eye))
+        shutil.copyfile(given.hand_eye / "hand_eye.png", pictures / "hand_eye.png")
+    if "meshing" in given.only:
+        write_between(page, MESHES, mesh_tables(given.meshes))
+        shutil.copyfile(given.meshes / "meshing.png", pictures / "meshing.png")
+    if "convergence" in given.only:
+        shutil.copyfile(given.runs / PICTURE, pictures / "convergence.png")
+    if "chapter2" in given.only:
+        shutil.copyfile(given.chapter / "conclusion.png", pictures / "chapter2.png")
     print(f"wrote {len(found)} rows to {readme}")
 
 

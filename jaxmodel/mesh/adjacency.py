@@ -31,14 +31,19 @@ def adjacency(faces: Int[np.ndarray, "m 3"]) -> Adjacency:
     start, end = faces.reshape(-1), faces[:, [1, 2, 0]].reshape(-1)
     count = int(faces.max()) + 1 if len(faces) else 1
     key = np.minimum(start, end).astype(np.int64) * count + np.maximum(start, end)
-    unique, edge_of, per_edge = np.unique(key, return_inverse=True, return_counts=True)
-    edge_of = edge_of.reshape(-1)
-    order = np.argsort(edge_of, kind="stable")
-    first = np.concatenate([[0], np.cumsum(per_edge)[:-1]]) if len(per_edge) else np.zeros(0, np.int64)
+    order = np.argsort(key)
+    ranked = key[order]
+    new = np.ones(len(key), bool)
+    new[1:] = ranked[1:] != ranked[:-1]
+    first = np.flatnonzero(new)
+    unique, per_edge = ranked[first], np.diff(first, append=len(key))
+    edge_of = np.empty(len(key), np.int64)
+    edge_of[order] = np.cumsum(new) - 1
     double = np.flatnonzero(per_edge == 2)
-    sides = np.stack([order[first[double]], order[first[double] + 1]], axis=1)
+    one, other = order[first[double]], order[first[double] + 1]
+    sides = np.stack([np.minimum(one, other), np.maximum(one, other)], axis=1)
     return Adjacency(
-        edges=np.stack([unique // count, unique % count], axis=1),
+        edges=np.stack(np.divmod(unique, count), axis=1),
         edge_of=edge_of.reshape(-1, 3),
         faces=per_edge,
         pairs=sides // 3,

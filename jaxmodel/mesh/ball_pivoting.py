@@ -26,7 +26,8 @@ class Pivoting(eqx.Module):
 
     ``source`` the row of the input each vertex of ``mesh`` was, ``normals`` the sheet's there, ``weight`` of
     the points around it that it is the mean of (1 without thinning). ``thinned`` the distance
-    of the thinning, 0 without. ``closing`` triangles that closed holes. Rows of the input: ``unused`` points the
+    of the thinning, 0 without. ``closing`` triangles that closed holes, ``dropped`` of the ball's that did not fit one
+    surface or made way for these. Rows of the input: ``unused`` points the
     ball never reached, ``bad_normals`` left out because of their normal, ``turned`` taken with the normal reversed.
     ``estimated`` whether the normals were made here.
     """
@@ -37,6 +38,7 @@ class Pivoting(eqx.Module):
     source: Int[np.ndarray, " k"]
     passes: tuple[Pass, ...]
     closing: int
+    dropped: int
     thinned: float
     unused: Int[np.ndarray, " u"]
     bad_normals: Int[np.ndarray, " b"]
@@ -110,10 +112,11 @@ def ball_pivoting(
     sheet = crossing_sheets(vertices, vertex_normals, spacing)
     start = None if seeds is None else _seeds(vertices, vertex_normals, source, seeds, len(points), spacing)
     faces, passes = run_passes(vertices, vertex_normals, radii, spacing, start, first_radius(scale), seen, sheet)
-    pivoted = len(faces)
+    pivoted = faces
     accept = near_points(tree, reach, vertices)
     faces = close(vertices, vertex_normals, faces, accept=accept if closing else lambda patch: False)
     faces = without_small_parts(vertices, faces, smallest_part)
+    rolled = int(_among(faces, pivoted, len(vertices)).sum())
     used, renumbered = used_vertices(faces, len(vertices))
     return Pivoting(
         mesh=ObjectMesh(vertices[used], renumbered),
@@ -121,13 +124,23 @@ def ball_pivoting(
         weight=weight[used],
         source=source[used],
         passes=passes,
-        closing=len(faces) - pivoted,
+        closing=len(faces) - rolled,
+        dropped=len(pivoted) - rolled,
         thinned=distance,
         unused=np.delete(source, used),
         bad_normals=oriented.bad,
         turned=oriented.turned,
         estimated=oriented.estimated,
     )
+
+
+def _among(faces: Int[np.ndarray, "m 3"], others: Int[np.ndarray, "k 3"], count: int) -> Bool[np.ndarray, " m"]:
+    """Which of ``faces`` have the corners of one of ``others``, in any order."""
+    first, second = (np.sort(of, axis=1) for of in (faces, others))
+    edges, opposite = np.concatenate([first, second])[:, :2] @ [count, 1], np.concatenate([first, second])[:, 2]
+    _, edge = np.unique(edges, return_inverse=True)
+    key = edge.reshape(-1) * np.int64(count) + opposite
+    return np.isin(key[: len(faces)], key[len(faces) :])
 
 
 def _seeds(

@@ -1,9 +1,10 @@
 """Where one primitive ends and the next begins: scraps taken in, triangles on a border given to the better side."""
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
-from jaxmodel.mesh.adjacency import face_components
+from jaxmodel.mesh.adjacency import Adjacency, face_components
+from jaxmodel.mesh.creases import links_within
 from jaxmodel.mesh.primitives import Surface, offset
 
 REACH = 4.0
@@ -49,8 +50,14 @@ def take_in_scraps(
     triangles than ``most``.
     """
     grown = label.copy()
+    scraps = np.flatnonzero(label < 0)
+    count, group = face_components(len(scraps), links_within(label < 0, pairs))
+    open_group = np.zeros(count, bool) if most is None else np.bincount(group, minlength=count) > most
+    tried = label < 0
+    tried[scraps[open_group[group]]] = False
+    pairs = pairs[tried[pairs[:, 0]] | tried[pairs[:, 1]]]
     for _ in range(rings):
-        face, name, cost = _offers(vertices, faces, pairs, surfaces, grown, grown < 0)
+        face, name, cost = offers(vertices, faces, pairs, surfaces, grown, tried & (grown < 0))
         cost = np.where(cost <= 3 * reach * reach, cost, np.inf)
         order = np.lexsort((cost, face))
         first = order[np.flatnonzero(np.diff(face[order], prepend=-1))]
@@ -58,16 +65,7 @@ def take_in_scraps(
         if len(first) == 0:
             break
         grown[face[first]] = name[first]
-    scraps = np.flatnonzero(label < 0)
-    number = np.full(len(label), -1)
-    number[scraps] = np.arange(len(scraps))
-    links = number[pairs]
-    links = links[(links >= 0).all(axis=1)]
-    count, group = face_components(len(scraps), links)
-    open_group = np.zeros(count, bool)
     open_group[group[grown[scraps] < 0]] = True
-    if most is not None:
-        open_group |= np.bincount(group, minlength=count) > most
     grown[scraps[open_group[group]]] = -1
     return grown
 
@@ -92,10 +90,11 @@ def settle(
         on_border = (label[i] != label[j]) & named[label[i]] & named[label[j]]
         active = np.zeros(len(faces), bool)
         active[i[on_border]] = active[j[on_border]] = True
-        face, name, cost = _offers(vertices, faces, pairs, surfaces, label, active)
+        beside = pairs[active[i] | active[j]]
+        face, name, cost = offers(vertices, faces, beside, surfaces, label, active)
         if len(face) == 0:
             break
-        cost = cost / (2 * noise * noise) - STRAIGHTEN * _sides(pairs, label, face, name, active)
+        cost = cost / (2 * noise * noise) - STRAIGHTEN * _sides(beside, label, face, name, active)
         order = np.lexsort((name != label[face], cost, face))
         first = order[np.flatnonzero(np.diff(face[order], prepend=-1))]
         first = first[np.isfinite(cost[first])]
@@ -107,7 +106,14 @@ def settle(
     return label
 
 
-def _offers(vertices, faces, pairs, surfaces, label, active):
+def offers(
+    vertices: Float[np.ndarray, "n 3"],
+    faces: Int[np.ndarray, "m 3"],
+    pairs: Int[np.ndarray, "p 2"],
+    surfaces: list[Surface],
+    label: Int[np.ndarray, " m"],
+    active: Bool[np.ndarray, " m"],
+) -> tuple[Int[np.ndarray, " o"], Int[np.ndarray, " o"], Float[np.ndarray, " o"]]:
     """Of every active triangle each label among its neighbours and its own, once, and its misfit to that surface."""
     i, j = pairs.T
     forth, back = active[i] & (label[j] >= 0), active[j] & (label[i] >= 0)
@@ -149,3 +155,20 @@ def split_islands(
     number = np.full(count, -1)
     number[kept] = np.arange(len(kept))
     return number[piece], of_piece[kept]
+
+
+def widths(
+    vertices: Float[np.ndarray, "n 3"],
+    shared: Adjacency,
+    areas: Float[np.ndarray, " m"],
+    label: Int[np.ndarray, " m"],
+    count: int,
+) -> Float[np.ndarray, " s"]:
+    """Twice the area of each of ``count`` labels over the length of its border: of a long strip, how wide it is."""
+    ends = vertices[shared.edges]
+    length = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
+    inner = shared.pair_edge[label[shared.pairs[:, 0]] == label[shared.pairs[:, 1]]]
+    length[inner] = 0
+    named = label >= 0
+    border = np.bincount(label[named], length[shared.edge_of[named]].sum(axis=1), count)
+    return 2 * np.bincount(label[named], areas[named], count) / np.maximum(border, 1e-300)

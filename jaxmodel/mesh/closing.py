@@ -8,7 +8,6 @@ from jaxmodel.mesh.holes import MOST_EDGES, Accept, close_holes, patch_over, rin
 from jaxmodel.mesh.manifold import clean
 
 RINGS = 3
-WIDEN = 50  # edges of the largest hole whose surroundings may give way
 
 
 def near_points(tree: KDTree, reach: float, vertices: Float[np.ndarray, "n 3"]) -> Accept:
@@ -44,8 +43,7 @@ def close(
     patches, stuck = close_holes(vertices, normals, faces, most_edges, accept, fixed)
     faces = np.concatenate([faces, patches])
     for loop in stuck:
-        if len(loop) <= WIDEN:
-            faces = _wider_patch(vertices, normals, faces, loop, accept, fixed)
+        faces = _wider_patch(vertices, normals, faces, loop, accept, fixed)
     return clean(vertices, normals, faces, fixed)
 
 

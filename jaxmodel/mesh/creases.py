@@ -43,6 +43,12 @@ def angles_deg(normals: Float[np.ndarray, "m 3"], pairs: Int[np.ndarray, "p 2"])
     return np.rad2deg(2 * np.arcsin(np.minimum(half, 1)))
 
 
+def links_within(within: Bool[np.ndarray, " m"], pairs: Int[np.ndarray, "p 2"]) -> Int[np.ndarray, "l 2"]:
+    """The ``pairs`` with both triangles in ``within``, these numbered by their place among those within."""
+    number = np.cumsum(within) - 1
+    return number[pairs[within[pairs[:, 0]] & within[pairs[:, 1]]]]
+
+
 def smooth_parts(
     within: Bool[np.ndarray, " m"],
     pairs: Int[np.ndarray, "p 2"],
@@ -55,10 +61,7 @@ def smooth_parts(
     Parts of less area than ``smallest`` are left out.
     """
     inside = np.flatnonzero(within)
-    number = np.full(len(within), -1)
-    number[inside] = np.arange(len(inside))
-    links = number[pairs[~crease]]
-    links = links[(links >= 0).all(axis=1)]
+    links = links_within(within, pairs[~crease])
     count, part = face_components(len(inside), links)
     area = np.bincount(part, areas[inside], count)
     order = np.argsort(part, kind="stable")

@@ -7,6 +7,7 @@ from scipy.spatial import KDTree
 from jaxmodel.mesh.adjacency import face_components
 
 NEIGHBOURS = 24
+CLOSEST = 8
 REACH = 3.0
 """How far a point looks for others, in spacings."""
 ALIKE = 0.7
@@ -28,13 +29,21 @@ def crossing_sheets(
     other: sides that meet in an edge, and a wall that ends on a floor, do not.
     """
     whole = np.zeros(len(points), np.int64)
-    gap, index = KDTree(points).query(
-        points, k=min(NEIGHBOURS, len(points)), distance_upper_bound=REACH * spacing, workers=-1
-    )
-    first, place = np.nonzero(np.isfinite(gap.reshape(len(points), -1)))
-    second = np.asarray(index).reshape(len(points), -1)[first, place]
+    tree, reach = KDTree(points), REACH * spacing
+    first, second = _neighbours(tree, points, np.arange(len(points)), CLOSEST, reach)
     alike = np.einsum("pa,pa->p", normals[first], normals[second]) > ALIKE
     count, sheet = face_components(len(points), np.stack([first[alike], second[alike]], axis=1))
+    minor = sheet != np.argmax(np.bincount(sheet))
+    if not minor.any():
+        return whole
+    # the rest of the neighbours can only matter where a point outside the largest sheet is among them
+    gap, _ = KDTree(points[minor]).query(points, distance_upper_bound=reach, workers=-1)
+    first, second = _neighbours(tree, points, np.flatnonzero(np.isfinite(gap)), NEIGHBOURS, reach)
+    between = sheet[first] != sheet[second]
+    first, second = first[between], second[between]
+    alike = np.einsum("pa,pa->p", normals[first], normals[second]) > ALIKE
+    count, joined = face_components(count, np.stack([sheet[first[alike]], sheet[second[alike]]], axis=1))
+    sheet = joined[sheet]
     size = np.bincount(sheet, minlength=count)
     apart = (sheet[first] != sheet[second]) & (size[sheet[first]] >= FEWEST) & (size[sheet[second]] >= FEWEST)
     if not apart.any():
@@ -55,3 +64,12 @@ def crossing_sheets(
     _, group = face_components(count, np.stack([one[~cross], other[~cross]], axis=1))
     crossing = np.unique(group[one[cross]])
     return np.searchsorted(crossing, group[sheet]) * np.isin(group[sheet], crossing)
+
+
+def _neighbours(
+    tree: KDTree, points: Float[np.ndarray, "n 3"], rows: Int[np.ndarray, " r"], most: int, reach: float
+) -> tuple[Int[np.ndarray, " p"], Int[np.ndarray, " p"]]:
+    """Pairs of each of ``rows`` with its nearest points, itself among them."""
+    gap, index = tree.query(points[rows], k=min(most, len(points)), distance_upper_bound=reach, workers=-1)
+    row, place = np.nonzero(np.isfinite(gap.reshape(len(rows), -1)))
+    return rows[row], np.asarray(index).reshape(len(rows), -1)[row, place]

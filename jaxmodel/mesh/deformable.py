@@ -47,7 +47,8 @@ class DeformableOptions(eqx.Module):
 
     ``attraction`` and ``reach`` (in mean edges) belong to measured points, ``pressure`` to vertices out of reach;
     ``spacing`` and ``smoothing`` are the springs along and across the surface; ``damping`` is the share of its speed
-    that a vertex loses in a step. It rests when no vertex moves more than ``tolerance`` mean edges in a step.
+    that a vertex loses in a step. It rests when the vertices' motion in a step (root of the mean square) is at most
+    ``tolerance`` mean edges. Each order halves the edges, and so doubles the steps of the way to the cloud.
     """
 
     attraction: float = 0.15
@@ -57,7 +58,7 @@ class DeformableOptions(eqx.Module):
     smoothing: float = 0.03
     damping: float = 0.5
     tolerance: float = 0.002
-    max_steps: int = 500
+    max_steps: int = 1500
 
 
 class DeformedSurface(NamedTuple):

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from jaxmodel.mesh.creases import CREASE_DEG
+from jaxmodel.mesh.primitives import Surface
 from jaxmodel.mesh.region_growing import Moments, plane_of
 
 TRIANGLES = 30
@@ -56,6 +57,13 @@ def flatness(
     wide = _open_sides(pairs, label, table)[large] <= OPEN * table[1, large]
     sure[large] = straight[large] & close & wide & (exact | (table[0, large] >= LARGE * table[0].sum()))
     return Flatness(straight, sure)
+
+
+def bend_and_rms(points: Float[np.ndarray, "n 3"], plane: Surface) -> tuple[float, float]:
+    """Rms height of the quadratic part of ``points`` over a plane fitted to them, and of all of them."""
+    region = np.zeros(len(points), np.int64)
+    u, v, z = _in_plane(points, region, plane.point[None], plane.direction[None])
+    return float(_bend(u, v, z, region, 1)[0]), float(np.sqrt(np.mean(z * z)))
 
 
 def _open_sides(pairs, label, table):

@@ -1,16 +1,21 @@
 """From triangles to primitives, stage by stage: sure planes, round regions, small planes, borders, free-form rest."""
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from jaxmodel.mesh.adjacency import Adjacency
-from jaxmodel.mesh.boundaries import REACH, settle, split_islands, take_in_scraps
-from jaxmodel.mesh.creases import CREASE_DEG, angles_deg, smooth_normals, smooth_parts
-from jaxmodel.mesh.flatness import flatness
+from jaxmodel.mesh.boundaries import REACH, settle, split_islands, take_in_scraps, widths
+from jaxmodel.mesh.bridges import bridging, take_in_bridges
+from jaxmodel.mesh.creases import CREASE_DEG, angles_deg, links_within, smooth_normals, smooth_parts
+from jaxmodel.mesh.flatness import LARGE, TRIANGLES, flatness
 from jaxmodel.mesh.primitives import FREE_FORM, Surface, fit_plane, refine
 from jaxmodel.mesh.region_growing import Moments, face_moments, grow_flat, plane_of
 from jaxmodel.mesh.round_regions import Sheet, least_cosine, round_regions
 from jaxmodel.mesh.smooth_joins import smooth_joins
+from jaxmodel.mesh.surface_noise import quadric_noise
+from jaxmodel.mesh.wavy_planes import WAVE, wavy_planes
 
 SMALLEST = 2e-3
 """Area of the smallest round primitive, and of the smallest plane that is not sure, in the mesh's area."""
@@ -24,8 +29,23 @@ ALONE = 0.9
 FREE_CREASE_DEG = 10.0
 SHARPER = 4.0
 """A crease within free-form parts: at least ``FREE_CREASE_DEG`` and so many times the usual angle there."""
+BEVEL = 0.8
+"""Mean side of a bevel's triangles, at least, in its width; a round end cut into a fan has 0.7."""
+SHEET_SAMPLES = 400
+"""Places at which the scatter of a smooth part is looked at."""
 MOST_TRIANGLES = 10_000
 """Triangles a fit is made from, evenly taken."""
+
+
+class Labelled(NamedTuple):
+    """The segment of each triangle, the surface and the smooth face of each segment, and which triangles only bridge a
+    crease between two segments: they belong to one of them, but do not lie on it.
+    """
+
+    label: Int[np.ndarray, " m"]
+    surfaces: list[Surface]
+    part: Int[np.ndarray, " s"]
+    bridge: Bool[np.ndarray, " m"]
 
 
 def label_faces(
@@ -36,7 +56,7 @@ def label_faces(
     noise: float,
     edge: float,
     exact: bool,
-) -> tuple[Int[np.ndarray, " m"], list[Surface], Int[np.ndarray, " s"]]:
+) -> Labelled:
     """The segment of each triangle, and the surface and the smooth face of each segment.
 
     ``vectors`` are normals times 2 area, alike on both sides of an edge; ``noise`` the scatter that counts as flat,
@@ -57,7 +77,9 @@ def label_faces(
         for sheet, part in sheets:
             if (part[0], len(part)) in searched:
                 continue
-            found = round_regions(sheet, noise, SMALLEST * areas.sum())
+            # flat parts may be exact where the vertices of round ones lie on chords
+            chords = min(quadric_noise(vertices[np.unique(sheet.faces)], SHEET_SAMPLES), WAVE * edge)
+            found = round_regions(sheet, max(noise, chords), SMALLEST * areas.sum())
             for surface, region in found:
                 label[part[region]] = len(surfaces)
                 surfaces.append(surface)
@@ -67,6 +89,12 @@ def label_faces(
     small &= moments.table[0] >= SMALLEST * areas.sum()
     label, surfaces = _take_planes(label, surfaces, flat, moments, np.flatnonzero(small))
 
+    crease = _fine_creases(angle, shared.pairs, label < 0)
+    smallest = LARGE * areas.sum()
+    for surface, part in wavy_planes(vertices, faces, areas, shared.pairs, crease, label < 0, edge, smallest):
+        label[part] = len(surfaces)
+        surfaces.append(surface)
+
     near = REACH * noise
     label = take_in_scraps(vertices, faces, shared.pairs, surfaces, label, near, RINGS)
     label = take_in_scraps(vertices, faces, shared.pairs, surfaces, label, near + edge / 2, 1)
@@ -75,10 +103,25 @@ def label_faces(
         label = settle(vertices, faces, shared.pairs, surfaces, label, noise)
     label, origin = split_islands(shared.pairs, areas, label)
     surfaces = [surfaces[k] for k in origin]
+    wide = widths(vertices, shared, areas, label, len(surfaces))
+    narrow = wide < edge
+    if exact:
+        # a long bevel of triangles as small as it is wide bridges a crease; a few large ones are a chamfer
+        narrow &= _bevels(vertices, faces, label, wide)
+    label = np.where(np.append(narrow, True)[label], -1, label)
     label = take_in_scraps(vertices, faces, shared.pairs, surfaces, label, 1.5 * near + edge, RINGS, FEW)
     surfaces = _fitted(vertices, faces, areas, label, surfaces)
+    bridge = np.zeros(len(faces), bool)
+    while True:
+        more = bridging(vertices, faces, shared.pairs, surfaces, label, areas, near if exact else near + edge / 2)
+        taken = take_in_bridges(vertices, faces, shared.pairs, surfaces, label, more, 1.5 * near + edge)
+        if (taken == label).all():
+            break
+        label, bridge = taken, bridge | (taken != label)
+    label = take_in_scraps(vertices, faces, shared.pairs, surfaces, label, 1.5 * near + edge, RINGS, FEW)
     label, surfaces = _with_free_form(label, surfaces, shared.pairs, angle, areas)
-    return label, surfaces, smooth_joins(vertices, faces, shared, normals, label, surfaces)
+    part = smooth_joins(vertices, faces, shared, vectors, label, surfaces, noise / edge)
+    return Labelled(label, surfaces, part, bridge)
 
 
 def _take_planes(label, surfaces, flat, moments: Moments, regions):
@@ -92,33 +135,35 @@ def _take_planes(label, surfaces, flat, moments: Moments, regions):
 
 def _smoothed(vectors, pairs, rest: Bool[np.ndarray, " m"], scatter):
     """Unit normals, smoothed among the triangles that have no name yet."""
-    inside = np.flatnonzero(rest)
-    number = np.full(len(vectors), -1)
-    number[inside] = np.arange(len(inside))
-    links = number[pairs]
     normals = vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
-    normals[inside] = smooth_normals(vectors[inside], links[(links >= 0).all(axis=1)], scatter)
+    normals[rest] = smooth_normals(vectors[rest], links_within(rest, pairs), scatter)
     return normals
 
 
 def _sheets(vertices, faces, pairs, normals, areas, flat, rest, crease, smooth, turn):
     """The smooth parts of ``rest`` to look for round surfaces in, and their triangles."""
-    for part in smooth_parts(rest, pairs, crease, areas, SMALLEST * areas.sum()):
-        if np.bincount(flat[part], areas[part]).max() > ALONE * areas[part].sum():
-            continue
-        number = np.full(len(faces), -1)
+    parts = smooth_parts(rest, pairs, crease, areas, SMALLEST * areas.sum())
+    parts = [part for part in parts if np.bincount(flat[part], areas[part]).max() <= ALONE * areas[part].sum()]
+    part_of, number = np.full(len(faces), -1), np.zeros(len(faces), np.int64)
+    for k, part in enumerate(parts):
+        part_of[part] = k
         number[part] = np.arange(len(part))
-        links = number[pairs[~crease]]
-        links = links[(links >= 0).all(axis=1)]
-        out = (number[pairs] >= 0).sum(axis=1) == 1
-        out &= rest[pairs].all(axis=1) & smooth
-        beyond = np.bincount(number[pairs[out]].max(axis=1), minlength=len(part))
-        yield Sheet(vertices, faces[part], normals[part], areas[part], flat[part], links, beyond, turn), part
+    first, second = part_of[pairs[:, 0]], part_of[pairs[:, 1]]
+    inside, out = (first == second) & (first >= 0) & ~crease, (first != second) & smooth
+    out &= rest[pairs[:, 0]] & rest[pairs[:, 1]]
+    links, of_link = number[pairs[inside]], first[inside]
+    ends = np.concatenate([pairs[out, 0], pairs[out, 1]])
+    for k, part in enumerate(parts):
+        beyond = np.bincount(number[ends[part_of[ends] == k]], minlength=len(part))
+        yield (
+            Sheet(vertices, faces[part], normals[part], areas[part], flat[part], links[of_link == k], beyond, turn),
+            part,
+        )
 
 
 def _fine_creases(angle, pairs, free):
     """Creases among the triangles of ``free``: many times sharper than the usual edge there."""
-    inside = free[pairs].all(axis=1)
+    inside = free[pairs[:, 0]] & free[pairs[:, 1]]
     usual = float(np.median(angle[inside])) if inside.any() else 0.0
     return angle >= np.clip(SHARPER * usual, FREE_CREASE_DEG, CREASE_DEG)
 
@@ -159,6 +204,15 @@ def _fitted(vertices, faces, areas, label, surfaces):
     return result
 
 
+def _bevels(vertices, faces, label, wide):
+    """Which labels have many triangles, with sides about as long in the mean as the label is ``wide``."""
+    named = label >= 0
+    corners = vertices[faces[named]]
+    side = np.linalg.norm(corners - corners[:, [1, 2, 0]], axis=2).mean(axis=1)
+    count = np.bincount(label[named], minlength=len(wide))
+    return (count >= TRIANGLES) & (np.bincount(label[named], side, len(wide)) > BEVEL * wide * count)
+
+
 def _with_free_form(label, surfaces, pairs, angle, areas):
     """What has no name yet as smooth parts between creases; surfaces that lost all their triangles go.
 
@@ -170,7 +224,7 @@ def _with_free_form(label, surfaces, pairs, angle, areas):
     for part in smooth_parts(free, pairs, crease, areas, SMALLEST * areas.sum()):
         label[part] = len(surfaces)
         surfaces.append(FREE_FORM)
-    links = pairs[free[pairs].all(axis=1)]
+    links = pairs[free[pairs[:, 0]] & free[pairs[:, 1]]]
     while True:
         first, second = label[links].T
         forth, back = (first >= 0) & (second < 0), (second >= 0) & (first < 0)
@@ -178,7 +232,7 @@ def _with_free_form(label, surfaces, pairs, angle, areas):
             break
         label[links[forth, 1]] = first[forth]
         label[links[back, 0]] = second[back]
-        links = links[(label[links] < 0).any(axis=1)]
+        links = links[(label[links[:, 0]] < 0) | (label[links[:, 1]] < 0)]
     for part in smooth_parts(label < 0, pairs, np.zeros(len(pairs), bool), areas):
         label[part] = len(surfaces)
         surfaces.append(FREE_FORM)

@@ -7,6 +7,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial import KDTree
 
 from jaxmodel.errors import InputError
+from jaxmodel.mesh.blocks import in_blocks
 from jaxmodel.scan.estimate import estimate_normals
 
 NEIGHBOURS = 12
@@ -60,8 +61,11 @@ def orient(
     unit = np.where(good[:, None], given, 0.0) / np.where(good, length, 1.0)[:, None]
     before = unit.copy()
     tree = tree or KDTree(points)
-    near, cosine = _agreement(points, unit, tree)
-    good &= ~_stray(cosine, near)
+    if toward is None:
+        near, cosine = _agreement(points, unit, tree, NEIGHBOURS)
+    else:  # the signs are known: more neighbours matter only to points that disagree with the closest
+        near, cosine = _agreement(points, unit, tree, CLOSEST)
+    good &= ~_stray(points, unit, tree, near, cosine)
     unit[~good] = 0.0
     if toward is not None:
         away = np.einsum("na,na->n", unit, toward) < 0
@@ -77,31 +81,40 @@ def orient(
 
 
 def _agreement(
-    points: np.ndarray, unit: np.ndarray, tree: KDTree
+    points: np.ndarray, unit: np.ndarray, tree: KDTree, neighbours: int, rows: np.ndarray | None = None
 ) -> tuple[Bool[np.ndarray, "n k"], Float[np.ndarray, "n k"]]:
-    """Which of each point's nearest others have a normal, and its cosine with the point's own."""
-    _, index = tree.query(points, k=min(NEIGHBOURS + 1, len(points)), workers=-1)
+    """Which of the nearest others of each point (of ``rows`` alone, if given) have a normal, and the cosine with it."""
+    own, normal = (points, unit) if rows is None else (points[rows], unit[rows])
+    _, index = tree.query(own, k=min(neighbours + 1, len(points)), workers=-1)
     index = np.asarray(index)[:, 1:]
     there = np.any(unit != 0, axis=1)
     cosine = np.empty(index.shape)
-    for start in range(0, len(index), BLOCK):
-        rows = slice(start, start + BLOCK)
-        cosine[rows] = np.einsum("nka,na->nk", unit[index[rows]], unit[rows])
-    return there[index] & there[:, None], cosine
+
+    def compare(some: slice) -> None:
+        cosine[some] = np.einsum("nka,na->nk", unit[index[some]], normal[some])
+
+    in_blocks(len(index), BLOCK, compare)
+    return there[index] & np.any(normal != 0, axis=1)[:, None], cosine
 
 
-def _stray(cosine: np.ndarray, near: np.ndarray) -> Bool[np.ndarray, " n"]:
+def _stray(
+    points: np.ndarray, unit: np.ndarray, tree: KDTree, near: np.ndarray, cosine: np.ndarray
+) -> Bool[np.ndarray, " n"]:
     """Points none of whose neighbours has a normal along theirs; refuses a cloud of random directions."""
+    stray = np.zeros(len(near), bool)
     along = near & (np.abs(cosine) > STRAY)
     if len(near) < ENOUGH:
-        return np.zeros(len(near), bool)
+        return stray
     share = along[:, :CLOSEST].sum() / max(near[:, :CLOSEST].sum(), 1)
     if share < COMMON:
         raise InputError(
             f"Only {share:.0%} of neighbouring normals are within 45° of each other, {1 - STRAY:.0%} for random "
             "directions. Expected normals of one surface, or none at all, and they are estimated."
         )
-    return np.asarray(near.any(axis=1) & ~along.any(axis=1))
+    lonely = np.flatnonzero(~along.any(axis=1))
+    near, cosine = _agreement(points, unit, tree, NEIGHBOURS, lonely)
+    stray[lonely] = near.any(axis=1) & ~(near & (np.abs(cosine) > STRAY)).any(axis=1)
+    return stray
 
 
 def _one_side(

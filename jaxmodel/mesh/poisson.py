@@ -1,5 +1,9 @@
 """Screened Poisson reconstruction (Kazhdan and Hoppe 2013) by Open3D: today's comparator."""
 
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import numpy as np
 from jaxtyping import Float
 
@@ -42,7 +46,7 @@ def poisson(
     centre = points.mean(axis=0)
     oriented = o3d.geometry.PointCloud(o3d.utility.Vector3dVector((points - centre) / size))
     oriented.normals = o3d.utility.Vector3dVector(cloud.normals)
-    with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
+    with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error), _without_stderr():
         made, _ = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(oriented, depth=depth, n_threads=1)
     vertices, faces = np.asarray(made.vertices) * size + centre, np.asarray(made.triangles, np.int64)
     if trim_spacings is not None:
@@ -51,3 +55,21 @@ def poisson(
         used, faces = used_vertices(faces, len(vertices))
         vertices = vertices[used]
     return ObjectMesh(vertices, faces)
+
+
+@contextmanager
+def _without_stderr() -> Iterator[None]:
+    """The solver within Open3D writes "getValue assumes leaf node" there, whatever the verbosity; failures raise."""
+    try:
+        kept = os.dup(2)
+    except OSError:  # a process without one
+        yield
+        return
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    os.close(nowhere)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)

@@ -112,6 +112,9 @@ def _moved(surface: Surface, step: np.ndarray, moves: np.ndarray, points: np.nda
 
 def _across(direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "2 3"]:
     """Two unit vectors that make a right-angled frame with ``direction``."""
-    first = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
-    first = first / np.linalg.norm(first)
-    return np.stack([first, np.cross(direction, first)])
+    x, y, z = (float(part) for part in direction)
+    least = int(np.argmin(np.abs(direction)))
+    a, b, c = ((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0))[least]
+    length = (a * a + b * b + c * c) ** 0.5
+    a, b, c = a / length, b / length, c / length
+    return np.array([[a, b, c], [y * c - z * b, z * a - x * c, x * b - y * a]])

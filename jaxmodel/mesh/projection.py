@@ -6,6 +6,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial import KDTree
 
+from jaxmodel.mesh.blocks import in_blocks
+
 STEPS = 2
 NEIGHBOURS = 64
 BLOCK = 1 << 11  # sites moved at once: few enough that their neighbours stay in the processor's cache
@@ -41,14 +43,17 @@ def project(
         found = sites[start : start + QUERY]
         _, index = tree.query(found, k=min(neighbours, len(points)), distance_upper_bound=reach, workers=-1)
         index = np.asarray(index).reshape(len(found), -1)
-        for first in range(0, len(found), BLOCK):
-            rows = slice(start + first, start + min(first + BLOCK, len(found)))
-            near = index[first : first + BLOCK]
+
+        def move(part: slice, start: int = start, index: np.ndarray = index) -> None:
+            rows = slice(start + part.start, start + part.stop)
+            near = index[part]
             absent = near == len(points)
             near = np.where(absent, 0, near)
             moved[rows], mean[rows], support[rows] = _moved(
                 moved[rows], mean[rows], points[near], normals[near], absent, reach
             )
+
+        in_blocks(len(found), BLOCK, move)
     return Projected(moved, mean, support)
 
 

@@ -4,6 +4,8 @@ Rounds instead of a queue: every region names the neighbour it fits best, pairs 
 region, its sums are those of both (Attene et al., Hierarchical mesh segmentation, 2006). Nothing loops over triangles.
 """
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
@@ -139,8 +141,11 @@ def _cost(table, i, j, noise):
 
     Both sides must lie within the noise of the common plane, so that a large region cannot swallow a small one.
     """
+    if len(i) <= BLOCK:
+        return _block_cost(table, i, j, noise)
     blocks = [slice(start, start + BLOCK) for start in range(0, len(i), BLOCK)]
-    return np.concatenate([np.zeros(0)] + [_block_cost(table, i[block], j[block], noise) for block in blocks])
+    with ThreadPoolExecutor(min(len(blocks), os.cpu_count() or 1)) as pool:
+        return np.concatenate(list(pool.map(lambda block: _block_cost(table, i[block], j[block], noise), blocks)))
 
 
 def _block_cost(table, i, j, noise):

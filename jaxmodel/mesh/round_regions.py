@@ -11,6 +11,7 @@ from jaxtyping import Float, Int
 from scipy.spatial import KDTree
 
 from jaxmodel.mesh.adjacency import face_components
+from jaxmodel.mesh.creases import links_within
 from jaxmodel.mesh.primitives import Surface, fit_plane, offset, refine, round_guesses
 
 SAMPLES, SEEDS, TRIED = 600, 30, 12
@@ -128,10 +129,12 @@ def _shares(guesses: list[Surface], points, normals, areas, noise, turn):
     if not guesses:
         return np.zeros(0)
     direction = np.nan_to_num(np.array([guess.direction for guess in guesses]))
-    local = points - np.array([guess.point for guess in guesses])[:, None]
-    along = np.einsum("gni,gi->gn", local, direction)
-    reach = np.sqrt(np.maximum(np.einsum("gni,gni->gn", local, local) - along**2, 1e-300))
-    facing = np.abs(np.einsum("gni,ni->gn", local, normals) - along * (direction @ normals.T)) >= turn * reach
+    centre = np.array([guess.point for guess in guesses])
+    along = direction @ points.T - np.einsum("gi,gi->g", direction, centre)[:, None]
+    square = np.einsum("gi,gi->g", centre, centre)[:, None] - 2 * centre @ points.T
+    reach = np.sqrt(np.maximum(square + np.einsum("ni,ni->n", points, points) - along**2, 1e-300))
+    outward = np.einsum("ni,ni->n", points, normals) - centre @ normals.T
+    facing = np.abs(outward - along * (direction @ normals.T)) >= turn * reach
     close = np.abs(reach - np.array([guess.radius for guess in guesses])[:, None]) <= WITHIN * noise
     return (facing & close) @ areas
 
@@ -175,11 +178,9 @@ def _rms(surface: Surface, points):
 
 
 def _largest_connected(sheet: Sheet, inside):
-    number = np.full(len(sheet.faces), -1)
-    number[inside] = np.arange(len(inside))
-    links = number[sheet.pairs]
-    links = links[(links >= 0).all(axis=1)]
     if len(inside) == 0:
         return inside
-    _, label = face_components(len(inside), links)
+    within = np.zeros(len(sheet.faces), bool)
+    within[inside] = True
+    _, label = face_components(len(inside), links_within(within, sheet.pairs))
     return inside[label == np.argmax(np.bincount(label, sheet.areas[inside]))]

@@ -35,7 +35,8 @@ class Outcome(Enum):
 
 class Primitive(NamedTuple):
     """One segment. ``point``, ``direction`` and ``radius`` as in :class:`Surface`; ``area`` its triangles';
-    ``rms`` and ``largest`` distance of its vertices, as given, from the surface (NaN for free-form); ``faces`` rows.
+    ``rms`` and ``largest`` distance of its vertices, as given, from the surface (NaN for free-form), those apart that
+    are its only through triangles which bridge a crease; ``faces`` rows.
     """
 
     kind: Kind
@@ -90,7 +91,7 @@ def segment(mesh: ObjectMesh, noise: float | None = None, snapping: bool = True)
     within = max(scatter, FLAT * edge)
     areas = np.linalg.norm(vectors, axis=1) / 2
     exact = scatter <= FLAT * edge
-    label, surfaces, part = label_faces(vertices, faces, shared, vectors, within, edge, exact)
+    label, surfaces, part, bridge = label_faces(vertices, faces, shared, vectors, within, edge, exact)
     label, surfaces, part = _by_area(label, surfaces, part, areas)
     bound = SNAP * edge + REACH * within
     moved = snap(vertices, faces, label, surfaces, bound) if snapping else vertices
@@ -101,7 +102,7 @@ def segment(mesh: ObjectMesh, noise: float | None = None, snapping: bool = True)
     return Segmentation(
         labels=labels,
         parts=part[labels],
-        primitives=_primitives(label, surfaces, vertices, faces, areas, order, frame),
+        primitives=_primitives(label, surfaces, vertices, faces, areas, bridge, order, frame),
         mesh=ObjectMesh(placed, mesh.faces),
         noise=scatter * frame.scale,
         snap_bound=bound * frame.scale,
@@ -119,7 +120,7 @@ def _by_area(label, surfaces, part, areas):
     return label, [surfaces[k] for k in rank], np.argsort(part_rank)[part]
 
 
-def _primitives(label, surfaces: list[Surface], vertices, faces, areas, order, frame: Frame) -> list[Primitive]:
+def _primitives(label, surfaces: list[Surface], vertices, faces, areas, bridge, order, frame: Frame) -> list[Primitive]:
     """What is to be told of each segment, in the frame and unit of the mesh given."""
     by_label = np.argsort(label, kind="stable")
     ends = np.searchsorted(label[by_label], np.arange(len(surfaces) + 1))
@@ -128,7 +129,8 @@ def _primitives(label, surfaces: list[Surface], vertices, faces, areas, order, f
         rows = by_label[ends[k] : ends[k + 1]]
         rms = largest = float("nan")
         if surface.kind != "free-form":
-            distance, _ = offset(surface, vertices[np.unique(faces[rows])])
+            own = rows[~bridge[rows]]
+            distance, _ = offset(surface, vertices[np.unique(faces[own if len(own) else rows])])
             rms, largest = float(np.sqrt(np.mean(distance**2))), float(np.abs(distance).max())
         result.append(
             Primitive(

@@ -29,7 +29,7 @@ def surface_noise(vertices: Float[np.ndarray, "n 3"], faces: Int[np.ndarray, "m 
     used = np.flatnonzero(corner)
     if len(used) < FEWEST or len(shared.pairs) == 0:
         return 0.0
-    return min(_flap_noise(vertices, faces, shared), _quadric_noise(vertices[used]))
+    return min(_flap_noise(vertices, faces, shared), quadric_noise(vertices[used]))
 
 
 def _flap_noise(vertices: np.ndarray, faces: np.ndarray, shared: Adjacency) -> float:
@@ -47,9 +47,12 @@ def _flap_noise(vertices: np.ndarray, faces: np.ndarray, shared: Adjacency) -> f
     return float(np.quantile(np.abs(height / scale), 0.25)) / FLAP_QUARTILE
 
 
-def _quadric_noise(points: Float[np.ndarray, "n 3"]) -> float:
+def quadric_noise(points: Float[np.ndarray, "n 3"], samples: int = SAMPLES) -> float:
+    """Standard deviation of points about local quadrics, from the quieter quarter of them; 0 for too few points."""
+    if len(points) < FEWEST:
+        return 0.0
     tree = KDTree(points, balanced_tree=False, compact_nodes=False)
-    seeds = points[:: max(1, len(points) // SAMPLES)]
+    seeds = points[:: max(1, len(points) // samples)]
     _, near = tree.query(seeds, k=NEIGHBOURS)
     local = points[near] - seeds[:, None]
     local = local - local.mean(axis=1, keepdims=True)
@@ -58,6 +61,9 @@ def _quadric_noise(points: Float[np.ndarray, "n 3"]) -> float:
     size = np.maximum(np.sqrt((u**2).mean(axis=1, keepdims=True)), 1e-300)
     u, v = u / size, v / size
     terms = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=2)
-    fitted = np.einsum("skt,st->sk", terms, np.einsum("stk,sk->st", np.linalg.pinv(terms, rcond=1e-8), z))
+    normal = terms.mT @ terms
+    # a trace of damping: neighbours in a row leave some terms open
+    normal += 1e-10 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(6)
+    fitted = (terms @ np.linalg.solve(normal, terms.mT @ z[:, :, None]))[:, :, 0]
     scatter = np.sqrt(((z - fitted) ** 2).sum(axis=1) / (NEIGHBOURS - 6))
     return float(np.quantile(scatter, 0.25)) / FIT_QUARTILE

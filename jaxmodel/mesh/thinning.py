@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial import KDTree
 
+from jaxmodel.mesh.blocks import in_blocks
 from jaxmodel.mesh.projection import project
 
 LEVELS = 16
@@ -53,9 +54,9 @@ def _groups(
 ) -> tuple[Int[np.ndarray, "p 2"], Float[np.ndarray, " p"]]:
     """Pairs of one group, and the second's height over the first along their mean normal."""
     pairs = tree.query_pairs(np.sqrt(2) * distance, output_type="ndarray")
-    parts, heights = [np.zeros((0, 2), pairs.dtype)], [np.zeros(0)]
-    for start in range(0, len(pairs), BLOCK):
-        some = pairs[start : start + BLOCK]
+
+    def together(rows: slice) -> tuple[np.ndarray, np.ndarray]:
+        some = pairs[rows]
         first, second = some.T
         both = normals[first] + normals[second]
         chord = points[second] - points[first]
@@ -63,9 +64,10 @@ def _groups(
         height = np.einsum("pa,pa->p", chord, both) / np.sqrt(np.where(square > 0, square, 1.0))
         along = np.einsum("pa,pa->p", chord, chord) - height**2
         same = (square > 2.0) & (along < distance**2) & (np.abs(height) < distance)
-        parts.append(some[same])
-        heights.append(height[same])
-    return np.concatenate(parts), np.concatenate(heights)
+        return some[same], height[same]
+
+    parts = [(np.zeros((0, 2), pairs.dtype), np.zeros(0)), *in_blocks(len(pairs), BLOCK, together)]
+    return np.concatenate([some for some, _ in parts]), np.concatenate([height for _, height in parts])
 
 
 def _order(

@@ -80,7 +80,7 @@ def _draw(axes: Any, panel: Panel) -> None:
     if panel.log_y:
         axes.set_yscale("log")
         whole_decades(axes)
-    elif _lowest(panel) >= 0:
+    elif panel.from_zero and _lowest(panel) >= 0:
         axes.set_ylim(bottom=0)
 
 
@@ -136,7 +136,10 @@ def panel_plot(panel: Panel) -> dict[str, Any]:
     x_axis: dict[str, Any] = {"title": {"text": panel.x}}
     y_axis: dict[str, Any] = {"title": {"text": panel.y}}
     x_axis |= {"type": "category"} if _names(panel) else {"type": "log"} if panel.log_x else {}
-    y_axis |= {"type": "log"} if panel.log_y else {"rangemode": "tozero"} if _lowest(panel) >= 0 else {}
+    if panel.log_y:
+        y_axis["type"] = "log"
+    elif panel.from_zero and _lowest(panel) >= 0:
+        y_axis["rangemode"] = "tozero"
     layout = {
         "title": {"text": panel.title, "font": {"size": 14}},
         "margin": {"l": 60, "r": 20, "t": 40, "b": 45},

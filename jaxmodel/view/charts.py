@@ -19,7 +19,10 @@ class Series(NamedTuple):
 
 
 class Panel(NamedTuple):
-    """One pair of axes; ``x`` and ``y`` are their labels with units."""
+    """One pair of axes; ``x`` and ``y`` are their labels with units.
+
+    The y axis of values that are not negative begins at 0 if ``from_zero``, else where they do.
+    """
 
     title: str
     x: str
@@ -27,6 +30,7 @@ class Panel(NamedTuple):
     series: Sequence[Series]
     log_x: bool = False
     log_y: bool = False
+    from_zero: bool = True
 
 
 class Chart(NamedTuple):

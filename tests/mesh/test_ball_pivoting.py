@@ -1,7 +1,5 @@
 """Ball pivoting: topology of known surfaces, one sheet from layers, the account of passes, and unfit input."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -56,7 +54,8 @@ def test_a_torus_has_its_handle_and_passes_add_up() -> None:
     assert radii == sorted(radii)
     lengths = [p.border_length for p in made.passes]
     assert lengths == sorted(lengths, reverse=True)
-    assert sum(p.triangles for p in made.passes) + made.closing == found.triangles
+    assert sum(p.triangles for p in made.passes) + made.closing - made.dropped == found.triangles
+    assert made.closing >= 0 and made.dropped >= 0
     np.testing.assert_array_equal(made.mesh.vertices, TORUS[made.source])
 
 
@@ -200,29 +199,3 @@ def test_a_radius_too_small_names_one_that_works() -> None:
         ball_pivoting(TORUS, TORUS_NORMALS, radii=[1e-4])
     named = float(str(refused.value).split("a radius of ")[1].split(" ")[0])
     assert quality(ball_pivot(TORUS, TORUS_NORMALS, radii=[named])).triangles > 0
-
-
-@pytest.mark.data
-@pytest.mark.slow
-@pytest.mark.parametrize("every", [4, 1])
-def test_bunny_of_ten_posed_scans(data_dir: Path, every: int) -> None:
-    from jaxmodel.io.datasets import StanfordBunny
-    from jaxmodel.io.meshes import load_mesh
-    from jaxmodel.scan.range_image import to_cloud
-
-    bunny = StanfordBunny(data_dir)
-    clouds, eyes = [], []
-    for name in bunny.names:
-        image, T_world_scan = bunny.scan(name), bunny.T_world_scan(name)
-        clouds.append(to_cloud(image).moved(T_world_scan))
-        eyes.append(np.tile(T_world_scan @ image.eye, (len(clouds[-1]), 1)))
-    points = np.concatenate([cloud.points for cloud in clouds])[::every]
-    normals = np.concatenate([np.asarray(cloud.normals) for cloud in clouds])[::every]
-    made = ball_pivoting(points, normals, eyes=np.concatenate(eyes)[::every])
-    reference = load_mesh(data_dir / "stanford_bunny" / "reconstruction" / "bun_zipper.ply")
-    found, wanted = quality(made.mesh), quality(reference)
-    assert found.largest_share >= 0.99
-    assert found.area == pytest.approx(wanted.area, rel=0.01)
-    assert found.border_length <= 2 * wanted.border_length
-    assert (found.crowded_edges, found.turned_pairs) == (0, 0)
-    assert surface_distance(made.mesh, reference, samples=20_000).mean <= 0.06e-3

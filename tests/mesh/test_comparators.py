@@ -86,3 +86,9 @@ def test_bad_depths(depth: int) -> None:
 def test_bad_clouds(method, points: np.ndarray) -> None:
     with pytest.raises(InputError):
         method(points, None)
+
+
+def test_poisson_writes_nothing(capfd: pytest.CaptureFixture[str]) -> None:
+    points = sample_surface(icosphere(5), 6000)  # the solver within Open3D warns of such a cloud
+    poisson(points, points)
+    assert capfd.readouterr() == ("", "")

@@ -61,13 +61,14 @@ def test_refused_patches_and_large_holes_stay_open() -> None:
     assert quality(ObjectMesh(SPHERE.vertices, refused)).border_loops == 2
 
 
-def test_a_fold_in_the_way_of_a_patch_is_replaced() -> None:
-    vertices = SPHERE.vertices.copy()
-    top = int(np.argmax(vertices[:, 2]))
-    faces = SPHERE.faces[~(SPHERE.faces == top).any(axis=1)]
-    rim = border_loops(faces)[0]
+@pytest.mark.parametrize(("sphere", "height", "edges"), [(SPHERE, 0.99, 5), (icosphere(4), 0.8, 51)])
+def test_a_fold_in_the_way_of_a_patch_is_replaced(sphere: ObjectMesh, height: float, edges: int) -> None:
+    vertices, normals = sphere.vertices.copy(), sphere.vertices
+    faces = sphere.faces[vertices[sphere.faces].mean(axis=1)[:, 2] < height]
+    (rim,) = border_loops(faces)
+    assert len(rim) >= edges
     vertices[rim[0]] = 1.05 * vertices[rim[len(rim) // 2]]  # pulled over the hole: no patch faces outward
-    normals = SPHERE.vertices
+    assert len(close_holes(vertices, normals, faces).patches) == 0
     found = quality(ObjectMesh(vertices, close(vertices, normals, faces)))
     assert found.closed and found.euler == 2
 

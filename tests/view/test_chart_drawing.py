@@ -67,6 +67,15 @@ def test_names_make_categories_and_logarithms_make_log_axes() -> None:
     assert panel_plot(panel(LINE, log=True))["layout"]["yaxis"]["type"] == "log"
 
 
+def test_an_axis_begins_at_zero_unless_told_otherwise() -> None:
+    high = panel(Series("Q_nor", [1, 2], [0.98, 0.99]))
+    assert panel_plot(high)["layout"]["yaxis"]["rangemode"] == "tozero"
+    own = high._replace(from_zero=False)
+    assert "rangemode" not in panel_plot(own)["layout"]["yaxis"]
+    steps = [np.argwhere((pixels(Chart("c", "C", [of])) < 0.5).any(axis=2)) for of in (high, own)]
+    assert len(steps[0]) != len(steps[1])
+
+
 def test_curves_that_all_panels_share_have_one_legend_below_them() -> None:
     other = LINE._replace(label="vertices")
     plain, shared = (pixels(Chart("c", "C", [panel(*series)] * 2)) for series in ([LINE], [LINE, other]))

@@ -56,6 +56,7 @@ def _ball_pivoting(measured: Measured, options: Options) -> Made:
         "turned_normals": len(result.turned),
         "estimated_normals": result.estimated,
         "closing_triangles": result.closing,
+        "dropped_triangles": result.dropped,
     }
     return Made(result.mesh, result.normals, tuple(p._asdict() for p in result.passes), points, _ball_sentence(result))
 

@@ -8,7 +8,8 @@ import numpy as np
 from jaxmodel.io.meshes import load_mesh
 from jaxmodel.io.results import RunDir
 from jaxmodel.mesh.quality import BINS, smoothness, triangle_shape
-from jaxmodel.run.meshing.quality_tables import LABELS, SPHERES, tables
+from jaxmodel.run.meshing.criteria_tables import SPHERES
+from jaxmodel.run.meshing.quality_tables import LABELS, tables
 from jaxmodel.run.provenance import facts
 from jaxmodel.scan.triangle_mesh import icosphere
 from jaxmodel.view.charts import Chart, Panel, Series
@@ -42,6 +43,7 @@ def charts(summary: Mapping[str, Any]) -> list[Chart]:
                     Series(name, [row["radius"] for row in of], [_or_nan(row[key]) for row in of])
                     for name, of in summary["sweep"].items()
                 ],
+                from_zero=key not in ("Q_equ", "Q_nor"),
             )
             for key, what in wanted
         ]
@@ -69,6 +71,7 @@ def _criteria() -> Chart:
             "Q_nor",
             [Series("icosphere", [len(ball.faces) for ball in balls], smooth)],
             log_x=True,
+            from_zero=False,
         ),
     ]
     return Chart("criteria", "The criteria on known shapes", panels)

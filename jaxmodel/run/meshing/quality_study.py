@@ -28,6 +28,7 @@ from jaxmodel.run.meshing.making import make_mesh
 from jaxmodel.run.meshing.options import Options
 from jaxmodel.run.meshing.quality_report import draw, mesh_name
 from jaxmodel.run.meshing.quality_tables import tables
+from jaxmodel.run.meshing.registered_scans import Placed
 from jaxmodel.run.meshing.study_objects import BuiltIn, ObjectSpec, Subject, make_subject
 from jaxmodel.run.provenance import hash_files
 from jaxmodel.run.published import published_table
@@ -133,6 +134,11 @@ class MeshQuality(Prepared):
         summary: dict[str, Any] = {
             "experiment": "mesh_quality",
             "stands_for": {subject.name: subject.stands_for for subject in self.subjects},
+            "registered": {
+                subject.name: {name: _placed(placed) for name, placed in subject.registered.items()}
+                for subject in self.subjects
+                if subject.registered
+            },
             "clouds": {subject.name: _cloud_facts(subject.measured) for subject in self.subjects},
             "rows": table.to_dicts(),
             **balls,
@@ -162,6 +168,10 @@ def _cloud_facts(measured: Measured) -> dict[str, int | float]:
         "thickness": scale.thickness / scale.spacing,
         "size": float(np.ptp(measured.points, axis=0).max()),
     }
+
+
+def _placed(placed: Placed) -> dict[str, float]:
+    return {key: value for key, value in placed._asdict().items() if key != "T_world_scan"}
 
 
 def _passes(subject: Subject) -> polars.DataFrame:

@@ -5,9 +5,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxmodel.mesh.quality import BINS, smoothness, triangle_shape
+from jaxmodel.mesh.quality import BINS
+from jaxmodel.run.meshing.criteria_tables import known_shapes, synthetic_part_table
 from jaxmodel.run.published import published_table
-from jaxmodel.scan.triangle_mesh import icosphere
 from jaxmodel.view.table import Table
 
 LABELS = {
@@ -20,7 +20,6 @@ LABELS = {
 }
 LOW = 0.3
 """A triangle of lower Q_equ is called degenerate here."""
-SPHERES = (0, 1, 2, 3, 4)
 _OF = {"ball": "ball", "ball_thinned": "ball", "deformable_5": "deformable_5", "deformable_6": "deformable_6"}
 """Method -> the published column it is compared to."""
 
@@ -44,7 +43,9 @@ CRITERIA = (
 def tables(summary: Mapping[str, Any], command: str) -> list[Table]:
     """All tables of a finished run, *published | ours* last."""
     return [
-        _known_shapes(),
+        known_shapes(),
+        synthetic_part_table(),
+        *([_registered(summary)] if summary.get("registered") else []),
         _nearness(summary),
         *([_sweep(summary)] if summary["sweep"] else []),
         *(_passes(name, summary, command) for name in summary["passes"]),
@@ -71,6 +72,17 @@ def _main(summary: Mapping[str, Any], command: str) -> Table:
             )
         )
     return Table(f"Table 3.2, published | ours (Pentium 4 | this machine) | {command}", columns, rows)
+
+
+def _registered(summary: Mapping[str, Any]) -> Table:
+    columns = ("object", "scan", "start off by", "after registration", "degrees")
+    rows = []
+    for name, scans in summary["registered"].items():
+        spacing = summary["clouds"][name]["spacing"]
+        for scan, of in list(scans.items())[1:]:
+            shifts = (f"{of[key] / spacing:.2f} spacings" for key in ("start_shift", "error_shift"))
+            rows.append((name, scan, *shifts, f"{of['start_deg']:.2f}, then {of['error_deg']:.2f}"))
+    return Table("Scans registered one onto those before it (thesis method): errors against the truth", columns, rows)
 
 
 def _nearness(summary: Mapping[str, Any]) -> Table:
@@ -249,21 +261,6 @@ def _sweep(summary: Mapping[str, Any]) -> Table:
         for row in of
     ]
     return Table("One pass of one ball, no hole closed, on the cloud made one sheet", columns, rows)
-
-
-def _known_shapes() -> Table:
-    right = published_table("mesh_quality")["right_isosceles_Q_equ"]
-    corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0.5, np.sqrt(0.75), 0]])
-    face = {"right isosceles triangle": (f"{right}", [0, 1, 2]), "equilateral triangle": ("1", [0, 1, 3])}
-    rows = [
-        (f"Q_equ, {name}", printed, f"{triangle_shape(corners, np.array([of]))[0]:.4f}")
-        for name, (printed, of) in face.items()
-    ]
-    for subdivisions in SPHERES:
-        ball = icosphere(subdivisions)
-        smooth = smoothness(ball.vertices, ball.faces).mean()
-        rows.append((f"Q_nor, sphere of {len(ball.faces)} triangles", "rises with them", f"{smooth:.4f}"))
-    return Table("The criteria on known shapes (Figs 3.13, 3.14)", ("what", "published", "ours"), rows)
 
 
 def _find(summary: Mapping[str, Any], name: str, method: str) -> Mapping[str, Any] | None:

@@ -1,16 +1,17 @@
 """The clouds of the experiment ``mesh_quality``: those of thesis §3.5.2, or stand-ins, with their references.
 
-The thesis's ``scurv``, ``halfhead`` and ``teapot`` are not public: a fusion of scans with errors of registration, a
+The thesis's ``scurv``, ``halfhead`` and ``teapot`` are not public: a fusion of scans that were registered here, a
 head scanned at varying density and a pot sampled on regular grids stand for them.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial.transform import Rotation
 
 from jaxmodel.errors import InputError
 from jaxmodel.io.datasets import MeshViews, StanfordBunny, data_root, mesh_file
@@ -20,6 +21,7 @@ from jaxmodel.io.scans import load_scan
 from jaxmodel.io.text_files import read_text
 from jaxmodel.mesh.distance import sample_surface
 from jaxmodel.run.meshing.clouds import Measured
+from jaxmodel.run.meshing.registered_scans import Placed, pose_error, register_in_turn
 from jaxmodel.scan.cloud import as_cloud
 from jaxmodel.scan.objects import object_mesh
 from jaxmodel.scan.range_image import RangeImage
@@ -31,7 +33,7 @@ from jaxmodel.scan.triangle_mesh import ObjectMesh, unit_sized, upright
 class Subject(NamedTuple):
     """One cloud to mesh. ``truth`` the surface it is of, where known; ``references`` label -> a mesh made elsewhere.
 
-    ``stands_for`` is the row of Table 3.2, empty without one.
+    ``stands_for`` is the row of Table 3.2, empty without one. ``registered`` how well the scans were, by name.
     """
 
     name: str
@@ -40,6 +42,7 @@ class Subject(NamedTuple):
     truth: ObjectMesh | None
     references: dict[str, ObjectMesh]
     files: tuple[Path, ...]
+    registered: Mapping[str, Placed] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -65,7 +68,8 @@ class BunnyFusion:
     """Scans of the bunny in one frame, ``count`` of their points drawn at random.
 
     Every pose but the first is off by a normal rotation about the scan's centroid (``rotation_deg``: standard deviation
-    about each axis) and translation (``translation``: along each, metre). No ``scans``: all ten.
+    about each axis) and translation (``translation``: along each, metre). With ``icp`` that is where the registration
+    of the scan onto those before it starts, and its own errors are those of the fusion. No ``scans``: all ten.
     """
 
     name: str
@@ -75,6 +79,7 @@ class BunnyFusion:
     count: int = 30_000
     rotation_deg: float = 0.0
     translation: float = 0.0
+    icp: bool = False
 
     def __post_init__(self) -> None:
         _check_count(self.count)
@@ -169,15 +174,22 @@ def _hoppe(spec: HoppePoints, seed: int) -> Subject:
 def _bunny(spec: BunnyFusion, seed: int) -> Subject:
     bunny = StanfordBunny()
     rng = np.random.default_rng([seed, 1])
+    names = spec.scans or bunny.names
+    scans, poses = [bunny.scan(name) for name in names], [bunny.T_world_scan(name) for name in names]
+    registered: dict[str, Placed] = {}
+    if spec.icp:
+        registered = dict(
+            zip(names, register_in_turn(scans, poses, spec.rotation_deg, spec.translation, rng), strict=True)
+        )
+        poses = [placed.T_world_scan for placed in registered.values()]
     clouds, eyes = [], []
-    for number, name in enumerate(spec.scans or bunny.names):
-        scan = bunny.scan(name)
-        cloud = as_cloud(scan)
-        T_world_scan = bunny.T_world_scan(name)
-        moved = cloud.moved(T_world_scan)
-        error = _pose_error(moved.points.mean(axis=0), spec, rng) if number else np.eye(4)
-        clouds.append(moved.moved(error))
-        eyes.append(np.broadcast_to(error @ T_world_scan @ scan.eye, (len(cloud), 4)))
+    for number, (scan, T_world_scan) in enumerate(zip(scans, poses, strict=True)):
+        cloud = as_cloud(scan).moved(T_world_scan)
+        T = np.eye(4)
+        if number and not spec.icp:
+            T = pose_error(cloud.points.mean(axis=0), spec.rotation_deg, spec.translation, rng)
+        clouds.append(cloud.moved(T))
+        eyes.append(np.broadcast_to(T @ T_world_scan @ scan.eye, (len(cloud), 4)))
     measured = Measured(
         points=np.concatenate([cloud.points for cloud in clouds]).astype(np.float64),
         normals=np.concatenate([np.asarray(cloud.normals) for cloud in clouds]).astype(np.float64),
@@ -186,20 +198,13 @@ def _bunny(spec: BunnyFusion, seed: int) -> Subject:
         name=spec.name,
         notes=(),
     )
-    references, files = {}, [bunny.folder / "bun.conf", *(bunny.path(name) for name in spec.scans or bunny.names)]
+    references, files = {}, [bunny.folder / "bun.conf", *(bunny.path(name) for name in names)]
     zipper = bunny.folder.parent / "reconstruction" / "bun_zipper.ply"
     if zipper.is_file():
         references["Stanford, zippered"] = load_mesh(zipper)
         files.append(zipper)
-    return Subject(spec.name, spec.stands_for, _take(measured, spec.count, seed), None, references, tuple(files))
-
-
-def _pose_error(centre: Float[np.ndarray, "3"], spec: BunnyFusion, rng: np.random.Generator) -> np.ndarray:
-    """A small motion about ``centre``."""
-    R = Rotation.from_rotvec(np.deg2rad(spec.rotation_deg) * rng.normal(size=3)).as_matrix()
-    error = np.eye(4)
-    error[:3, :3], error[:3, 3] = R, centre - R @ centre + spec.translation * rng.normal(size=3)
-    return error
+    whole = _take(measured, spec.count, seed)
+    return Subject(spec.name, spec.stands_for, whole, None, references, tuple(files), registered)
 
 
 def _uneven(spec: UnevenScans, seed: int) -> Subject:

@@ -47,6 +47,7 @@ _POINTS = {
     "bad_normals": "bad normals",
     "turned_normals": "turned normals",
     "closing_triangles": "triangles that close holes",
+    "dropped_triangles": "triangles of the ball dropped",
 }
 
 
