@@ -6,13 +6,13 @@ views taken so far have seen. Both are counted on the same samples of the true s
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from jaxmodel.errors import InputError
 from jaxmodel.plan.surface_samples import SurfaceSamples
 from jaxmodel.scan.sensor import Sensor
 from jaxmodel.scan.triangle_mesh import ObjectMesh
-from jaxmodel.scan.visibility import Occluders, seen_points
+from jaxmodel.scan.visibility import Occluders, exposed_points, seen_points
 
 GRAZING_DEG = 80.0
 
@@ -56,12 +56,39 @@ def reachable(
     return seen
 
 
+def exposed(samples: SurfaceSamples, mesh: ObjectMesh) -> Bool[np.ndarray, " n"]:
+    """Which samples border the outside of ``mesh``, of closed parts that may overlap; the rest is buried in a part.
+
+    The surface that a share of the whole surface is a share of. Meaningless for an open mesh.
+    """
+    return exposed_points(samples.points, samples.normals, Occluders(mesh.vertices, mesh.faces))
+
+
 def coverage(
     seen: Bool[np.ndarray, " n"], reachable: Bool[np.ndarray, " n"], weights: Float[np.ndarray, " n"]
 ) -> float:
     """Share, by weight, of the reachable samples that are seen; NaN where nothing is reachable."""
     whole = float(weights[reachable].sum())
     return float(weights[reachable & seen].sum()) / whole if whole > 0 else float("nan")
+
+
+def greedy_views(
+    visible: Bool[np.ndarray, "v n"], reachable: Bool[np.ndarray, " n"], weights: Float[np.ndarray, " n"], count: int
+) -> Int[np.ndarray, " k"]:
+    """The views, at most ``count``, that one who knew the true surface would take: each adds the most to what is seen.
+
+    No sequence of as many of these views covers more than 1 / (1 - 1/e) times as much (Nemhauser, Wolsey and Fisher,
+    1978): the mark for planners that must find the surface first. It ends early when no view adds anything.
+    """
+    worth = np.where(reachable, weights, 0.0)
+    order: list[int] = []
+    for _ in range(count):
+        gain = visible @ worth
+        if len(gain) == 0 or not gain.max() > 0:
+            break
+        order.append(int(np.argmax(gain)))
+        worth = np.where(visible[order[-1]], 0.0, worth)
+    return np.array(order, dtype=np.int64)
 
 
 class CoverageCurve(eqx.Module):

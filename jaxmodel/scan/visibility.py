@@ -11,6 +11,8 @@ LIFT = 1e-5
 
 At the steepest grazing angle of interest it is still ten times above the rounding of the float32 ray caster.
 """
+OBLIQUE = np.array([(0.6137, 0.5351, 0.5806), (-0.4409, 0.7577, -0.4811), (0.3312, -0.2159, -0.9185)])
+"""Directions along no axis and no diagonal, for counting crossings."""
 
 
 class Occluders:
@@ -34,6 +36,8 @@ class Occluders:
         self.size = float((high - low).max())
         if not self.size > 0:
             raise InputError("The mesh to look at has no extent.")
+        corner = np.asarray(vertices, dtype=np.float64)[faces]
+        self._normals = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
         self._tensor = open3d.core.Tensor
         self._scene = open3d.t.geometry.RaycastingScene()
         self._scene.add_triangles(
@@ -65,6 +69,32 @@ class Occluders:
             first = self._scene.cast_rays(self._tensor(lifted))["t_hit"].numpy()
             blocked[near] = first < reach[near] - 2 * LIFT
         return blocked
+
+    def winding_numbers(self, points: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, " n"]:
+        """How many closed parts of the mesh, facing outwards, each point lies in; a part facing inwards counts -1.
+
+        Triangles crossed on the way out less those crossed on the way in, along three fixed directions of which the
+        middle count stands, so that a ray through an edge does no harm. Meaningless where the mesh is open.
+        """
+        counts = []
+        for direction in OBLIQUE:
+            rays = np.empty((len(points), 6), dtype=np.float32)
+            rays[:, :3], rays[:, 3:] = (points - self.centre) / self.size, direction
+            hits = self._scene.list_intersections(self._tensor(rays))
+            way_out = np.sign(self._normals[hits["primitive_ids"].numpy().astype(np.int64)] @ direction)
+            counts.append(np.bincount(hits["ray_ids"].numpy(), weights=way_out, minlength=len(points)))
+        return np.median(counts, axis=0).astype(np.int64)
+
+
+def exposed_points(
+    points_world: Float[np.ndarray, "n 3"], normals_world: Float[np.ndarray, "n 3"], occluders: Occluders
+) -> Bool[np.ndarray, " n"]:
+    """Which surface points border the outside of a mesh put together from closed parts that overlap.
+
+    The others lie inside another part: no surface of the object. Meaningless where the mesh is open.
+    """
+    off = 10 * LIFT * occluders.size
+    return occluders.winding_numbers(points_world + off * normals_world) == 0
 
 
 def seen_points(

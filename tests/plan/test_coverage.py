@@ -1,5 +1,7 @@
 """Coverage: closed forms, what can never be reached, and the laws of the curve."""
 
+from itertools import combinations
+
 import jax
 import numpy as np
 import pytest
@@ -7,7 +9,7 @@ from scipy.spatial import KDTree
 
 from jaxmodel.errors import InputError
 from jaxmodel.plan.baselines import ObservationSphere, uniform_views
-from jaxmodel.plan.coverage import CoverageCurve, coverage, reachable, visible
+from jaxmodel.plan.coverage import CoverageCurve, coverage, exposed, greedy_views, reachable, visible
 from jaxmodel.plan.surface_samples import sample_surface
 from jaxmodel.scan.objects import object_mesh
 from jaxmodel.scan.rooms import cube_room
@@ -118,6 +120,28 @@ def test_reachable_is_the_union_of_the_views_in_any_order() -> None:
     assert visible(samples, mesh, none, WIDE).shape == (0, 6000) and not reachable(samples, mesh, none, WIDE).any()
 
 
+def test_what_is_buried_in_another_part_is_not_exposed() -> None:
+    """Two overlapping boxes, one box's faces inside the other, against the formula."""
+    first, second = box((-0.5, -0.5, -0.5), (0.5, 0.5, 0.5)), box((-0.2, -0.3, 0.1), (0.9, 0.3, 0.8))
+    samples = sample_surface(join(first, second), KEY, 4000)
+    in_first = np.abs(samples.points).max(axis=1) < 0.5 - 1e-9
+    in_second = (np.abs(samples.points - [0.35, 0.0, 0.45]) < np.array([0.55, 0.3, 0.35]) - 1e-9).all(axis=1)
+    np.testing.assert_array_equal(exposed(samples, join(first, second)), ~(in_first | in_second))
+    assert 0.1 < (in_first | in_second).mean() < 0.4
+    inner = box((-0.2, -0.2, -0.2), (0.2, 0.2, 0.2))
+    hollow = join(first, ObjectMesh(inner.vertices, inner.faces[:, ::-1]))
+    assert exposed(sample_surface(hollow, KEY, 2000), hollow).all()  # a cavity is outside the matter
+
+
+@pytest.mark.parametrize("name", ["valve", "y_pipe", "gourd"])
+def test_whatever_is_seen_is_exposed(name: str) -> None:
+    mesh = object_mesh(name)
+    samples = sample_surface(mesh, KEY, 6000)
+    out = exposed(samples, mesh)
+    assert not (reachable(samples, mesh, uniform_views(SPHERE, 100), WIDE) & ~out).any()
+    assert out.all() == (name == "gourd")
+
+
 def test_millimetres_and_metres_agree() -> None:
     mesh = object_mesh("valve")
     thousand = ObjectMesh(1000 * mesh.vertices, mesh.faces)
@@ -178,6 +202,22 @@ def test_the_measures_of_a_curve() -> None:
     assert curve.area(8) == pytest.approx((2.8 + 4) / 8)  # held at its end
     assert start.shares == () and start.area(3) == 0.0 and start.views_needed(0.5) is None
     assert start.after(views[2]).views_needed(0.81) is None
+
+
+def test_greedy_views_gain_less_and_less_and_lose_to_no_order_by_more_than_their_bound() -> None:
+    rng = np.random.default_rng(4)
+    views = rng.random((14, 60)) < 0.15
+    can = rng.random(60) < 0.9
+    weights = rng.random(60)
+    curve = CoverageCurve.start(can, weights).after_all(views[greedy_views(views, can, weights, 4)])
+    gains = np.diff([0.0, *curve.shares])
+    assert (np.diff(gains) <= 1e-12).all()
+    best = max(coverage(views[list(four)].any(axis=0), can, weights) for four in combinations(range(14), 4))
+    assert (1 - 1 / np.e) * best <= curve.shares[-1] <= best
+    all_of_it = greedy_views(views, can, weights, 99)
+    assert len(set(all_of_it.tolist())) == len(all_of_it) <= 14
+    np.testing.assert_array_equal(views[all_of_it].any(axis=0) & can, views.any(axis=0) & can)
+    assert len(greedy_views(views[:0], can, weights, 3)) == 0
 
 
 def test_bad_input_is_refused() -> None:

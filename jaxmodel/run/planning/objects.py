@@ -34,7 +34,7 @@ FROM_FILES = {
     "spot": _File("meshes/spot.obj", "y"),
     "suzanne": _File("meshes/suzanne.obj", "y"),
     "fandisk": _File("meshes/fandisk.obj", "z"),
-    "wingnut": _File("meshes/wingnut.obj", "z"),
+    "wingnut": _File("meshes/wingnut.obj", "y"),
 }
 PLANNING_OBJECTS = (*BUILT_IN, *FROM_FILES)
 
