@@ -83,7 +83,7 @@ def greedy_views(
     worth = np.where(reachable, weights, 0.0)
     order: list[int] = []
     for _ in range(count):
-        gain = visible @ worth
+        gain = np.array([worth[view].sum() for view in visible])  # a product would copy every view as floats
         if len(gain) == 0 or not gain.max() > 0:
             break
         order.append(int(np.argmax(gain)))

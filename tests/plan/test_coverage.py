@@ -212,7 +212,7 @@ def test_greedy_views_gain_less_and_less_and_lose_to_no_order_by_more_than_their
     curve = CoverageCurve.start(can, weights).after_all(views[greedy_views(views, can, weights, 4)])
     gains = np.diff([0.0, *curve.shares])
     assert (np.diff(gains) <= 1e-12).all()
-    best = max(coverage(views[list(four)].any(axis=0), can, weights) for four in combinations(range(14), 4))
+    best = max(coverage(np.asarray(views[list(four)].any(axis=0)), can, weights) for four in combinations(range(14), 4))
     assert (1 - 1 / np.e) * best <= curve.shares[-1] <= best
     all_of_it = greedy_views(views, can, weights, 99)
     assert len(set(all_of_it.tolist())) == len(all_of_it) <= 14

@@ -8,6 +8,7 @@ import numpy as np
 from jaxmodel.errors import InputError
 from jaxmodel.io.datasets import data_root
 from jaxmodel.io.meshes import load_mesh
+from jaxmodel.mesh.adjacency import adjacency
 from jaxmodel.scan.known_solids import stepped_block
 from jaxmodel.scan.objects import object_mesh
 from jaxmodel.scan.triangle_mesh import ObjectMesh, unit_sized, upright
@@ -72,10 +73,8 @@ def is_watertight(mesh: ObjectMesh) -> bool:
     faces = place.reshape(-1)[mesh.faces]
     a, b, c = faces.T
     faces = faces[(a != b) & (b != c) & (c != a)]
-    edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    along = np.where(edges[:, 0] < edges[:, 1], 1, -1)
-    _, edge = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True)
-    return len(faces) > 0 and not np.bincount(edge.reshape(-1), weights=along).any()
+    along = np.where(faces < faces[:, [1, 2, 0]], 1, -1)
+    return len(faces) > 0 and not np.bincount(adjacency(faces).edge_of.ravel(), weights=along.ravel()).any()
 
 
 def _from_file(name: str) -> ObjectMesh:
