@@ -1,1 +1,1 @@
-"""Where to look next: label map, ray march, utility, viewpoints, exploration, arm (thesis ch. 4)."""
+"""Next best view planning (thesis ch. 4): label map, exact march, utility, search and closed loop, and the arm."""
