@@ -17,8 +17,10 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.ndimage import distance_transform_cdt
 
+from jaxmodel.plan.label_map import LabelMap
 from jaxmodel.plan.labels import LABELS, Label, beside
 from jaxmodel.plan.ray_march import FARTHEST
+from jaxmodel.scan.sensor import Sensor, pixel_rays
 
 CORNERS = tuple(product((0, 1), repeat=3))
 BITS = 3
@@ -93,6 +95,21 @@ def soft_space_of(labels: Int[np.ndarray, "x y z"], normals: Float[np.ndarray, "
     whole = np.pad(np.rint(normals * UNIT).astype(np.int32) + 512, ((1, 1),) * 3 + ((0, 0),), constant_values=512)
     packed = whole[..., 0] | whole[..., 1] << 10 | whole[..., 2] << 20
     return SoftSpace(jnp.asarray(cells.reshape(-1)), jnp.asarray(packed.reshape(-1)), labels.shape)
+
+
+def soft_ready(map: LabelMap) -> SoftSpace:
+    """The map as soft rays see it now."""
+    labels = map.labels
+    return soft_space_of(labels, map.normals(labels))
+
+
+def soft_rays(map: LabelMap, sensor: Sensor) -> SoftRays:
+    """The rays of one sensor in one map, lengths in cells."""
+    rays = pixel_rays(sensor)
+    row = lambda array: jnp.asarray(array.reshape(-1, 3).T, jnp.float32)  # noqa: E731
+    low, high = sensor.minimum_range or 0.0, np.inf if sensor.maximum_range is None else sensor.maximum_range
+    cell = map.grid.cell
+    return SoftRays(row(rays.origins / cell), row(rays.directions), jnp.float32(low / cell), jnp.float32(high / cell))
 
 
 def soft_shares(
