@@ -19,7 +19,7 @@ from jaxmodel.errors import InputError
 from jaxmodel.geometry.elimination import NormalEquations
 from jaxmodel.lanes import Engine, Kernel, run
 from jaxmodel.plan.label_map import LabelMap
-from jaxmodel.plan.soft_march import SoftLaw, SoftRays, SoftSpace, quality, soft_ready, soft_rays, soft_shares
+from jaxmodel.plan.soft_march import SoftLaw, SoftRays, SoftSpace, quality, soft_rays, soft_ready, soft_shares
 from jaxmodel.scan.sensor import Sensor
 
 STIFFNESS = 10.0
