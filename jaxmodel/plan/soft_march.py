@@ -120,11 +120,10 @@ def soft_shares(
     ``samples``: how many samples with opacity a ray may pass, from the front; what light is left then is ``lost``.
     """
     law = SoftLaw() if law is None else law
-    turned = lambda rows: sum(pose[:3, k, None] * rows[k] for k in range(3))  # noqa: E731
+    turned = lambda rows: jnp.sum(pose[:3, :3, None] * rows[None], axis=1)  # noqa: E731
     direction = turned(rays.directions)
     origin = turned(rays.origins) + pose[:3, 3, None]
-    phase = jnp.arange(direction.shape[1], dtype=direction.dtype) * GOLDEN
-    phase = phase - jnp.floor(phase)
+    phase = jnp.asarray(np.arange(direction.shape[1]) * GOLDEN % 1, direction.dtype)
     detached = jax.lax.stop_gradient
     steps, left = _opaque_samples(space, detached(origin), detached(direction), phase, rays, detached(law), samples)
 
@@ -195,7 +194,7 @@ def _cosines(space: SoftSpace, index, direction):
 
 @partial(jax.named_call, name="opaque_samples")
 def _opaque_samples(space: SoftSpace, origin, direction, phase, rays: SoftRays, law: SoftLaw, samples: int):
-    """Numbers (samples, r) of each ray's first samples that have opacity, -1 where there are no more; light left over."""
+    """Numbers (samples, r) of each ray's first samples with opacity, -1 where there are no more; light left over."""
     size = jnp.asarray(space.shape, origin.dtype)[:, None]
     moving = jnp.abs(direction) > 1e-9
     inverse = 1 / jnp.where(moving, direction, 1.0)

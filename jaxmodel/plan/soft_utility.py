@@ -60,7 +60,7 @@ class Climbed(NamedTuple):
 
 
 class SoftProblem(eqx.Module):
-    """Residuals of a view, by its parameter. ``corner`` of the grid where ``pose`` measures from, ``cell`` its voxel."""
+    """Residuals of a view, by its parameter; ``corner`` of the grid from where ``pose`` measures, ``cell`` its voxel."""
 
     space: SoftSpace
     rays: SoftRays
@@ -82,7 +82,7 @@ class Climb(Kernel):
     """Levenberg-Marquardt as a kernel: an item is a start ``(d,)``; it is solved as a whole."""
 
     problem: SoftProblem
-    tolerance: Float[jax.Array, ""]
+    tolerance: Any
     max_steps: int = eqx.field(static=True)
 
     def init(self, item):

@@ -1,3 +1,5 @@
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -75,9 +77,11 @@ def test_gradient_is_that_of_the_function(scenes):
             slope = np.asarray(_slope(space, jnp.asarray(pose), rays))
             with jax.enable_x64(True):
                 exact, step = jnp.asarray(pose, jnp.float64), 1e-6
-                value = lambda x, e=exact: np.asarray(_value(space, e, rays, jnp.asarray(x)))  # noqa: E731
+                value = partial(_value, space, exact, rays)
                 unit = step * np.eye(5)
-                difference = np.stack([(value(u) - value(-u)) / (2 * step) for u in unit], axis=1)
+                difference = np.stack(
+                    [np.asarray(value(jnp.asarray(u)) - value(jnp.asarray(-u))) / (2 * step) for u in unit], axis=1
+                )
             off.append(np.abs(slope - difference).max() / np.abs(difference).max())
     assert np.mean(np.asarray(off) <= 1e-3) >= 0.99, np.sort(off)[-5:]
 

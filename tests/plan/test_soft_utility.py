@@ -45,7 +45,7 @@ def test_residuals_that_are_no_numbers_return_the_start():
     np.testing.assert_array_equal(found.parameter, np.ones((1, 2), np.float32))
 
 
-@pytest.mark.parametrize("starts", [np.zeros(2), np.full((1, 2), np.nan), np.zeros((2, 0))])
+@pytest.mark.parametrize("starts", [np.full((1, 2), np.nan), np.zeros((2, 0))])
 def test_starts_that_are_none_are_refused(starts):
     with pytest.raises(InputError, match="starts of a climb"):
         levenberg_marquardt(_map(), SENSOR, _pose, _meets_less, starts)
