@@ -60,7 +60,7 @@ class Climbed(NamedTuple):
 
 
 class SoftProblem(eqx.Module):
-    """Residuals of a view, by its parameter; ``corner`` of the grid from where ``pose`` measures, ``cell`` its voxel."""
+    """Residuals of a view, by its parameter; ``corner`` of the grid where ``pose`` counts from, ``cell`` its voxel."""
 
     space: SoftSpace
     rays: SoftRays
