@@ -26,7 +26,7 @@ CORNERS = tuple(product((0, 1), repeat=3))
 BITS = 3
 BURIED = 7
 """Code of a voxel that stops light but has no empty neighbour: no ray meets it first."""
-EXHAUSTED = 1e-4
+EXHAUSTED = 1e-7
 """Light that is left when a ray counts as stopped."""
 LEAST = 1e-6
 GOLDEN = 0.6180339887
@@ -113,7 +113,7 @@ def soft_rays(map: LabelMap, sensor: Sensor) -> SoftRays:
 
 
 def soft_shares(
-    space: SoftSpace, pose: Float[jax.Array, "4 4"], rays: SoftRays, law: SoftLaw | None = None, samples: int = 12
+    space: SoftSpace, pose: Float[jax.Array, "4 4"], rays: SoftRays, law: SoftLaw | None = None, samples: int = 16
 ) -> SoftSeen:
     """What ``rays`` meet from ``pose`` (sensor to cells), differentiable in the pose.
 
