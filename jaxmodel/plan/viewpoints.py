@@ -202,7 +202,7 @@ class Restricted:
         return np.asarray(self.space.allowed(poses)) & np.asarray(self.permits(poses))
 
 
-def direction_and_right(azimuth, height, low: float, high: float):
+def direction_and_right(azimuth: Any, height: Any, low: Any, high: Any) -> Any:
     """Unit direction whose z runs from ``low`` to ``high`` as the sine of ``height``, and the level direction east."""
     z = low + (high - low) * (1 + jnp.sin(height)) / 2
     # the root keeps its slope where the pole is reached: (1 - z)(1 + z) in terms of half angles
