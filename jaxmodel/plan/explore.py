@@ -4,7 +4,7 @@ The loop knows no scanner and no robot: ``scan`` takes a range image from a pose
 was taken, ``views_at`` which views can be reached next. Steps come one by one, so that a caller may watch, save, stop.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any, NamedTuple
@@ -61,6 +61,10 @@ class Ending(Enum):
     NOT_PLACED = "views in a row could not be registered to the model"
 
 
+ENDS = {ViewOutcome.NO_REACHABLE_VIEW: Ending.NO_REACHABLE_VIEW, ViewOutcome.NOTHING_NEW: Ending.NOTHING_NEW}
+"""Outcomes of the search that end the loop."""
+
+
 class Placed(NamedTuple):
     """Where a view was really taken from, and whether that could be told; ``report`` is the caller's own."""
 
@@ -93,6 +97,15 @@ class Way(NamedTuple):
     failures: int
 
 
+Chooser = Callable[[LabelMap, Any, Search, Sequence[np.ndarray]], View]
+"""The next view from a map, a view space, the search and all poses so far."""
+
+
+def by_utility(sensor: Sensor, weights: Utility = Utility()) -> Chooser:
+    """The view of highest utility (:func:`next_view`)."""
+    return lambda map, space, search, taken: next_view(map, sensor, space, search, weights, taken[-1])
+
+
 def explore(
     scan: Callable[[np.ndarray, int], RangeImage],
     map: LabelMap,
@@ -101,15 +114,17 @@ def explore(
     first: Float[np.ndarray, "4 4"],
     loop: Loop = Loop(),
     search: Search = Search(),
-    weights: Utility = Utility(),
+    choose: Chooser | None = None,
     place: Callable[[RangeImage, np.ndarray], Placed] | None = None,
 ) -> Iterator[Step]:
     """Steps of an exploration from the pose ``first`` (T_world_sensor) on.
 
-    ``scan(T_world_sensor, number)`` gives the image of view ``number``; ``place(image, T_planned)`` its true pose
-    (default: as planned); ``views_at(map, T_world_sensor)`` the view space from there. A view that cannot be placed is
-    not added to the map, and the next one must overlap more.
+    ``scan(T_world_sensor, number)`` gives the image of view ``number``; ``views_at(map, T_world_sensor)`` the view
+    space from there; ``choose`` the next view (default :func:`by_utility`); ``place(image, T_planned)`` the pose an
+    image was really taken from (default: as planned). A view that cannot be placed is not added to the map, and the
+    next one must overlap more.
     """
+    choose = by_utility(sensor) if choose is None else choose
     T, planned, back = np.asarray(first, np.float64), None, 0
     way = Way([], [], 0)
     for number in range(loop.views):
@@ -124,11 +139,8 @@ def explore(
         following, steps_back = None, 0
         if ending is Ending.GOES_ON:
             tighter = _tighter(search, way.failures, number)
-            following, steps_back = planned_view(map, sensor, views_at, way, loop, tighter, weights)
-            if following.outcome is ViewOutcome.NO_REACHABLE_VIEW:
-                ending = Ending.NO_REACHABLE_VIEW
-            elif following.outcome is ViewOutcome.NOTHING_NEW:
-                ending = Ending.NOTHING_NEW
+            following, steps_back = planned_view(map, views_at, way, loop, tighter, choose)
+            ending = ENDS.get(following.outcome, ending)
         yield Step(number, planned, T, image, placed, map, gain, back, ending)
         if ending is not Ending.GOES_ON or following is None:
             return
@@ -141,7 +153,7 @@ def known(map: LabelMap) -> int:
 
 
 def planned_view(
-    map: LabelMap, sensor: Sensor, views_at: Callable, way: Way, loop: Loop, search: Search, weights: Utility
+    map: LabelMap, views_at: Callable, way: Way, loop: Loop, search: Search, choose: Chooser
 ) -> tuple[View, int]:
     """The next view and how many views the robot goes back for it: near the last pose, near earlier ones, anywhere."""
     space = views_at(map, way.poses[-1])
@@ -152,10 +164,10 @@ def planned_view(
             if any(np.linalg.norm(eye - other) < loop.stride / 2 for other in tried):
                 continue
             tried.append(eye)
-            view = next_view(map, sensor, space.near(eye, loop.stride), search, weights, T)
+            view = choose(map, space.near(eye, loop.stride), search, [*way.poses, T])
             if view.outcome is ViewOutcome.FOUND and view.novelty >= loop.worth:
                 return view, back
-    return next_view(map, sensor, space, search, weights, way.poses[-1]), 0
+    return choose(map, space, search, way.poses), 0
 
 
 def _tighter(search: Search, failures: int, number: int) -> Search:

@@ -27,6 +27,8 @@ EXPERIMENTS = {
     "user_starts": "jaxmodel.run.chapter2.user_starts",
     "cylinder": "jaxmodel.run.chapter2.cylinder",
     "global_table": "jaxmodel.run.chapter2.global_table",
+    "next_view_objects": "jaxmodel.run.planning.objects_study",
+    "next_view_environment": "jaxmodel.run.planning.environment_study",
     "calibration": "jaxmodel.run.calibration.job",
     "hand_eye_noise": "jaxmodel.run.hand_eye.noise",
     "hand_eye_count": "jaxmodel.run.hand_eye.count",

@@ -1,6 +1,7 @@
 """The ten objects a modelling run is measured on: five built in, five from the data folder."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -65,6 +66,13 @@ def planning_object(name: str) -> PlanningObject:
     else:
         raise InputError(f"There is no object {name!r} to plan views for; there are {', '.join(PLANNING_OBJECTS)}.")
     return PlanningObject(name, mesh, is_watertight(mesh))
+
+
+def object_files(names: Iterable[str]) -> list[Path]:
+    """The files that objects come from: those of the data folder, and names that are files themselves."""
+    root = data_root()
+    found = [root / FROM_FILES[name].place for name in names if name in FROM_FILES and root is not None]
+    return [*found, *(Path(name) for name in names if name not in PLANNING_OBJECTS)]
 
 
 def is_watertight(mesh: ObjectMesh) -> bool:
