@@ -1,8 +1,9 @@
 """What a sensor would meet from many poses: every ray to the first voxel that is not empty (thesis §4.3.2).
 
 The thesis walks its rays by Bresenham's line, which can slip through an edge between two voxels; this is the
-six-connected traversal. A distance to the nearest voxel that stops a ray, kept in place of the label "empty", lets a
-ray cross open space in one step. Poses are items of the lane engine; the rays of one pose step together.
+six-connected traversal. Cubes of empty voxels ahead, kept in place of the label "empty", let a ray cross open space in
+one step. Poses are items of the lane engine; the rays of one pose step together until few of them still walk, and
+these go on in smaller and smaller company. The state of a ray is one whole number, so that a step is one fused loop.
 """
 
 from typing import NamedTuple
@@ -12,18 +13,34 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.ndimage import distance_transform_cdt
 
 from jaxmodel.errors import InputError
 from jaxmodel.lanes import Engine, Kernel, run
 from jaxmodel.plan.label_map import LabelMap
-from jaxmodel.plan.labels import LABELS, Label
-from jaxmodel.plan.traversal import Place, Ray, advance, enter, flat_index, inside, mirrored_ray
+from jaxmodel.plan.labels import LABELS
+from jaxmodel.plan.open_space import FARTHEST as FARTHEST
+from jaxmodel.plan.open_space import Space, space_of
+from jaxmodel.plan.traversal import (
+    Place,
+    Ray,
+    Rows,
+    advance,
+    enter,
+    flat_index,
+    inside,
+    last_crossing,
+    mirrored_ray,
+)
 from jaxmodel.scan.sensor import Sensor, pixel_rays
 
-FARTHEST = 127
 NOTHING = LABELS
 """The label of a ray that meets nothing between the sensor's nearest and farthest distance."""
+BITS = 10
+"""Of each of the three indices in the state of a ray."""
+STOPPED, GONE = 1 << 30, -(1 << 31)
+"""State of a ray: its indices, with these bits when it met something or can meet nothing any more."""
+COMPANY = 4
+"""Once fewer than one ray in so many still walks, those are gathered; again among these."""
 
 
 class Seen(NamedTuple):
@@ -48,30 +65,6 @@ class Seen(NamedTuple):
         return self.cosines / np.maximum(self.counts, 1)
 
 
-class Space(eqx.Module):
-    """A label map made ready for rays.
-
-    ``code``: minus the label of a voxel that stops a ray, else how far (in voxels, largest difference of an index) the
-    nearest such voxel is; ``normal`` of each voxel or zero, one row an axis; both by the voxel's key.
-    """
-
-    code: Int[jax.Array, " k"]
-    normal: Float[jax.Array, "3 k"]
-    shape: tuple[int, int, int] = eqx.field(static=True)
-
-
-def space_of(labels: Int[np.ndarray, "x y z"], normals: Float[np.ndarray, "x y z 3"]) -> Space:
-    """``labels`` (int8) with the distances that let rays skip; voxels beyond the map stop nothing."""
-    empty = labels == Label.EMPTY
-    if empty.all():
-        distance = np.full(labels.shape, FARTHEST)
-    else:
-        distance = np.minimum(distance_transform_cdt(empty, metric="chessboard"), FARTHEST)
-    code = np.where(empty, distance, -labels).astype(np.int8)
-    rows = np.ascontiguousarray(normals.reshape(-1, 3).T, np.float32)
-    return Space(jnp.asarray(code.reshape(-1)), jnp.asarray(rows), labels.shape)
-
-
 class March(Kernel):
     """The rays of a sensor through a label map; an item is a pose ``(4, 4)`` from sensor to cells."""
 
@@ -89,43 +82,91 @@ class March(Kernel):
         return False
 
     def init(self, item):
-        turned = lambda rows: sum(item[:3, k, None] * rows[k] for k in range(3))  # noqa: E731
-        direction = turned(self.directions)
-        ray = mirrored_ray(turned(self.origins) + item[:3, 3, None], direction, self.space.shape)
+        direction = self._turned(item, self.directions)
+        origin = [along + item[axis, 3] for axis, along in enumerate(self._turned(item, self.origins))]
+        ray = mirrored_ray((origin[0], origin[1], origin[2]), direction, self.space.shape)
         place, meets = enter(ray, self.space.shape)
-        return ray, direction, place, self._code(ray, place, meets)
+        return ray, direction, _packed(place.index, meets & (place.entered <= self.farthest))
 
     def step(self, state):
-        ray, direction, place, code = state
-        walking = code > 0
-        following = advance(ray, place, jnp.maximum(code, 1).astype(jnp.int32))
-        index = jnp.where(walking, following.index, place.index)
-        place = Place(index, jnp.where(walking, following.entered, place.entered))
-        on = inside(place.index, self.space.shape) & (place.entered <= self.farthest)
-        return ray, direction, place, jnp.where(walking, self._code(ray, place, on), code)
+        ray, direction, packed = state
+        return ray, direction, self._next(ray, packed)
 
     def done(self, state):
-        return jnp.all(state[3] <= 0)
+        return _walking(state[2]) <= self.origins.shape[1] // COMPANY
 
     def finish(self, state):
-        ray, direction, place, code = state
-        label = -code.astype(jnp.int32)
-        label = jnp.where(place.entered >= self.nearest, label, NOTHING)
-        key = jnp.where(label < NOTHING, flat_index(ray, place.index, self.space.shape), 0)
-        normal = self.space.normal[:, key]
-        cosine = jnp.maximum(-jnp.sum(normal * direction, axis=0), 0)
+        ray, direction, packed = state
+        packed = self._to_the_end(ray, packed, self.origins.shape[1] // COMPANY)
+        index = _index(packed)
+        label = jnp.where(packed >= 0, -self._code(ray, index), NOTHING)
+        entered = last_crossing(ray, index)
+        label = jnp.where(entered >= self.nearest, label, NOTHING)
+        key = jnp.where(label < NOTHING, flat_index(ray, index, self.space.shape), 0)
         if self.keep_rays:
-            return label.astype(jnp.int8), jnp.where(label < NOTHING, key, -1), place.entered
+            return label.astype(jnp.int8), jnp.where(label < NOTHING, key, -1), entered
+        x, y, z = (self.space.normal[axis][key] * along for axis, along in enumerate(direction))
+        cosine = jnp.maximum(-(x + y + z), 0)
         if self.distinct:
+            key = jnp.where(label < NOTHING, key, self.space.normal.shape[1])
             order = jnp.argsort(key)
             label, key, cosine = label[order], key[order], cosine[order]
             label = jnp.where(jnp.concatenate([jnp.ones(1, bool), key[1:] != key[:-1]]), label, NOTHING)
         chosen = label == jnp.arange(LABELS)[:, None]
         return jnp.sum(chosen, axis=1), jnp.sum(jnp.where(chosen, cosine, 0), axis=1)
 
-    def _code(self, ray: Ray, place: Place, on: Bool[jax.Array, " r"]) -> Int[jax.Array, " r"]:
-        key = flat_index(ray, place.index, self.space.shape)
-        return jnp.where(on, self.space.code[jnp.where(on, key, 0)], jnp.int8(-NOTHING))
+    def _to_the_end(self, ray: Ray, packed: Int[jax.Array, " r"], few: int) -> Int[jax.Array, " r"]:
+        """The states when the ``few`` rays that still walk have ended, by gathering them."""
+        if few == 0:
+            return packed
+        rays = packed.shape[0]
+        on = _is_walking(packed)
+        place = jnp.where(on, jnp.cumsum(on) - 1, few)
+        chosen = jnp.full(few, rays, jnp.int32).at[place].set(jnp.arange(rays, dtype=jnp.int32), mode="drop")
+        some = jax.tree.map(lambda row: row[jnp.minimum(chosen, rays - 1)], ray)
+        left = jnp.where(chosen < rays, packed[jnp.minimum(chosen, rays - 1)], GONE)
+        fewer = few // COMPANY if few >= 64 else 0
+        left = jax.lax.while_loop(lambda s: _walking(s) > fewer, lambda s: self._next(some, s), left)
+        return packed.at[chosen].set(self._to_the_end(some, left, fewer), mode="drop")
+
+    def _next(self, ray: Ray, packed: Int[jax.Array, " r"]) -> Int[jax.Array, " r"]:
+        """One step of the rays that walk."""
+        index = _index(packed)
+        code = self._code(ray, index)
+        following = advance(ray, Place(index, index[0]), jnp.maximum(code, 1).astype(jnp.float32))
+        on = inside(following.index, self.space.shape) & (following.entered <= self.farthest)
+        on = jnp.where(code > 0, _packed(following.index, on), packed | STOPPED)
+        return jnp.where(_is_walking(packed), on, packed)
+
+    def _code(self, ray: Ray, index: Rows) -> Int[jax.Array, " r"]:
+        """``space.code`` of mirrored voxels of the map."""
+        nx, ny, nz = self.space.shape
+        x, y, z = (along.astype(jnp.int32) for along in index)
+        row = ((ray.octant * nx + x) * ny + y) * nz + z
+        return self.space.code.at[row].get(mode="promise_in_bounds").astype(jnp.int32)
+
+    def _turned(self, item, rows: Float[jax.Array, "3 r"]) -> Rows:
+        """Directions of the sensor in the map."""
+        x, y, z = (sum(item[axis, k] * rows[k] for k in range(3)) for axis in range(3))
+        return x, y, z
+
+
+def _packed(index: Rows, on: Bool[jax.Array, " r"]) -> Int[jax.Array, " r"]:
+    x, y, z = (along.astype(jnp.int32) for along in index)
+    return jnp.where(on, x | (y << BITS) | (z << 2 * BITS), jnp.int32(GONE))
+
+
+def _index(packed: Int[jax.Array, " r"]) -> Rows:
+    x, y, z = (((packed >> shift) & ((1 << BITS) - 1)).astype(jnp.float32) for shift in (0, BITS, 2 * BITS))
+    return x, y, z
+
+
+def _is_walking(packed: Int[jax.Array, " r"]) -> Bool[jax.Array, " r"]:
+    return (packed >= 0) & (packed < STOPPED)
+
+
+def _walking(packed: Int[jax.Array, " r"]) -> Int[jax.Array, ""]:
+    return jnp.sum(_is_walking(packed))
 
 
 def march(

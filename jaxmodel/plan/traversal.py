@@ -4,6 +4,8 @@ Lengths are in cells and measured from the grid's corner. Each axis along which 
 indices only grow: then the boundary after index i is crossed at ``(i + 1 - origin) / direction``, a difference and a
 product whose rounding no compiler can change. Crossings are ordered by time and, where times are equal, by axis: a
 ray through an edge or a corner has one well-defined row of voxels, the same with skipping and without.
+
+The three axes are three arrays, never one: each formula is then one loop over rays that a compiler turns to vectors.
 """
 
 from typing import NamedTuple
@@ -12,108 +14,118 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
+Rows = tuple[Float[jax.Array, "*r"], Float[jax.Array, "*r"], Float[jax.Array, "*r"]]
+"""A number of each ray along each axis."""
+
 STILL = 1e30
 """Inverse speed along an axis to which a ray is perpendicular."""
+NO_AXIS = 3
 
 
 class Ray(NamedTuple):
-    """Rays in mirrored coordinates, one row an axis: ``origin``, ``speed``, its ``inverse``, and ``mirrored`` or not."""
+    """Rays in mirrored coordinates, by axis: ``origin``, ``speed`` and its ``inverse``; ``octant`` they go to.
 
-    origin: Float[jax.Array, "3 *r"]
-    speed: Float[jax.Array, "3 *r"]
-    inverse: Float[jax.Array, "3 *r"]
-    mirrored: Bool[jax.Array, "3 *r"]
+    Bit 2 of the octant says that rays fall along x, bit 1 along y, bit 0 along z.
+    """
+
+    origin: Rows
+    speed: Rows
+    inverse: Rows
+    octant: Int[jax.Array, "*r"]
 
 
 class Place(NamedTuple):
-    """Where each ray is: voxel ``index`` (mirrored) and the time it was ``entered`` (in cells along the ray)."""
+    """Where each ray is: voxel ``index`` (mirrored; whole numbers) and the time it was ``entered`` (in cells)."""
 
-    index: Int[jax.Array, "3 *r"]
+    index: Rows
     entered: Float[jax.Array, "*r"]
 
 
-def mirrored_ray(
-    origin: Float[jax.Array, "3 *r"], direction: Float[jax.Array, "3 *r"], shape: tuple[int, int, int]
-) -> Ray:
+def mirrored_ray(origin: Rows, direction: Rows, shape: tuple[int, int, int]) -> Ray:
     """Rays from ``origin`` along unit ``direction``, turned so that no axis falls."""
-    size = jnp.asarray(shape, origin.dtype).reshape(3, *[1] * (origin.ndim - 1))
-    falls = direction < 0
-    speed = jnp.abs(direction)
-    inverse = jnp.where(speed > 1 / STILL, 1 / jnp.maximum(speed, 1 / STILL), STILL)
-    return Ray(jnp.where(falls, size - origin, origin), speed, inverse, falls)
-
-
-def crossing(ray: Ray, boundary: Float[jax.Array, "3 *r"]) -> Float[jax.Array, "3 *r"]:
-    """When each axis crosses a plane between voxels."""
-    return (boundary - ray.origin) * ray.inverse
+    falls = [d < 0 for d in direction]
+    speed = [jnp.abs(d) for d in direction]
+    inverse = [jnp.where(s > 1 / STILL, 1 / jnp.maximum(s, 1 / STILL), STILL) for s in speed]
+    start = [jnp.where(f, size - o, o) for f, o, size in zip(falls, origin, shape, strict=True)]
+    x, y, z = (f.astype(jnp.int32) for f in falls)
+    return Ray(_rows(start), _rows(speed), _rows(inverse), 4 * x + 2 * y + z)
 
 
 def enter(ray: Ray, shape: tuple[int, int, int]) -> tuple[Place, Bool[jax.Array, "*r"]]:
     """The first voxel of each ray in the grid, and whether there is one."""
-    size = jnp.asarray(shape, ray.origin.dtype).reshape(3, *[1] * (ray.origin.ndim - 1))
-    before = ray.origin < 0
-    when = jnp.where(before, crossing(ray, jnp.zeros_like(ray.origin)), -1.0)
-    entry = jnp.max(when, axis=0)
+    before = [o < 0 for o in ray.origin]
+    x, y, z = (jnp.where(b, t, -1.0) for b, t in zip(before, _crossings(ray, (0.0, 0.0, 0.0)), strict=True))
+    entry = jnp.maximum(jnp.maximum(x, y), z)
     # the grid is entered with the last of these crossings; from within it none is needed
-    axis = jnp.where(when[2] == entry, 2, jnp.where(when[1] == entry, 1, 0))
+    axis = jnp.where(z == entry, 2, jnp.where(y == entry, 1, 0))
     outside = entry >= 0
-    entry, axis = jnp.where(outside, entry, 0.0), jnp.where(outside, axis, 3)
-    side, leaves = _first(crossing(ray, jnp.broadcast_to(size, ray.origin.shape)))
-    meets = ((entry < leaves) | ((entry == leaves) & (axis < side))) & ~jnp.any((ray.inverse >= STILL) & before, axis=0)
-    start = jnp.clip(jnp.floor(ray.origin), 0, size - 1).astype(jnp.int32)
-    index = _reached(ray, entry, axis, jnp.zeros_like(start), size.astype(jnp.int32) - 1, start)
-    return Place(index, entry), meets
+    entry, axis = jnp.where(outside, entry, 0.0), jnp.where(outside, axis, NO_AXIS)
+    side, leaves = _first(_crossings(ray, shape))
+    beside = [(i >= STILL) & b for i, b in zip(ray.inverse, before, strict=True)]
+    meets = ((entry < leaves) | ((entry == leaves) & (axis < side))) & ~(beside[0] | beside[1] | beside[2])
+    index = [_reached(ray, a, entry, axis, 0.0, float(size)) for a, size in enumerate(shape)]
+    return Place(_rows(index), entry), meets
 
 
-def advance(ray: Ray, place: Place, clear: Int[jax.Array, "*r"]) -> Place:
-    """Each ray's voxel after it left the cube of voxels nearer than ``clear`` (at least 1) to its own.
+def advance(ray: Ray, place: Place, clear: Float[jax.Array, "*r"]) -> Place:
+    """Each ray's voxel after it left the cube of voxels that begins at its own and is ``clear`` (at least 1) wide.
 
     With ``clear`` 1 this is one step of the traversal; a larger one lands where that many steps would.
     """
-    far = place.index + clear
-    axis, time = _first(crossing(ray, far.astype(ray.origin.dtype)))
-    index = _reached(ray, time, axis, place.index, far - 1, place.index)
-    chosen = axis == _axes(index)
-    return Place(jnp.where(chosen, far, index), time)
+    far = [index + clear for index in place.index]
+    axis, time = _first(_crossings(ray, far))
+    index = [
+        jnp.where(axis == a, far[a], _reached(ray, a, time, axis, place.index[a], far[a])) for a in range(len(far))
+    ]
+    return Place(_rows(index), time)
 
 
-def flat_index(ray: Ray, index: Int[jax.Array, "3 *r"], shape: tuple[int, int, int]) -> Int[jax.Array, "*r"]:
+def last_crossing(ray: Ray, index: Rows) -> Float[jax.Array, "*r"]:
+    """When each ray entered a voxel it has walked to; 0 for the voxel it began in."""
+    x, y, z = _crossings(ray, index)
+    return jnp.maximum(jnp.maximum(jnp.maximum(x, y), z), 0)
+
+
+def flat_index(ray: Ray, index: Rows, shape: tuple[int, int, int]) -> Int[jax.Array, "*r"]:
     """Row-major key of a voxel given by its mirrored index; keys of voxels outside the grid mean nothing."""
-    nx, ny, nz = shape
-    i = jnp.where(ray.mirrored[0], nx - 1 - index[0], index[0])
-    j = jnp.where(ray.mirrored[1], ny - 1 - index[1], index[1])
-    k = jnp.where(ray.mirrored[2], nz - 1 - index[2], index[2])
-    return (i * ny + j) * nz + k
+    i, j, k = (
+        jnp.where((ray.octant >> (2 - axis)) & 1 == 1, size - 1 - along.astype(jnp.int32), along.astype(jnp.int32))
+        for axis, (along, size) in enumerate(zip(index, shape, strict=True))
+    )
+    return (i * shape[1] + j) * shape[2] + k
 
 
-def inside(index: Int[jax.Array, "3 *r"], shape: tuple[int, int, int]) -> Bool[jax.Array, "*r"]:
+def inside(index: Rows, shape: tuple[int, int, int]) -> Bool[jax.Array, "*r"]:
     """Whether rays are still in the grid: indices never fall."""
     return (index[0] < shape[0]) & (index[1] < shape[1]) & (index[2] < shape[2])
 
 
-def _axes(like: jax.Array) -> jax.Array:
-    return jnp.arange(3).reshape(3, *[1] * (like.ndim - 1))
+def _rows(rows: list[jax.Array]) -> Rows:
+    x, y, z = rows
+    return x, y, z
 
 
-def _first(time: Float[jax.Array, "3 *r"]) -> tuple[Int[jax.Array, "*r"], Float[jax.Array, "*r"]]:
+def _crossings(ray: Ray, boundary) -> list[Float[jax.Array, "*r"]]:
+    """When each axis crosses a plane between voxels."""
+    return [(b - o) * i for b, o, i in zip(boundary, ray.origin, ray.inverse, strict=True)]
+
+
+def _first(time) -> tuple[Int[jax.Array, "*r"], Float[jax.Array, "*r"]]:
     """Axis that crosses first, the lower of equals, and when."""
     x, y, z = time
     first = jnp.minimum(jnp.minimum(x, y), z)
     return jnp.where(x == first, 0, jnp.where(y == first, 1, 2)), first
 
 
-def _reached(ray: Ray, time, axis, low, high, fallback):
-    """Along each axis, the index reached when all crossings before ``(time, axis)`` are made, within bounds.
+def _reached(ray: Ray, a: int, time, axis, low, end) -> Float[jax.Array, "*r"]:
+    """Along axis ``a`` the index reached when all crossings before ``(time, axis)`` are made, from low to below end.
 
-    The guess may be off by one through rounding; comparing crossings puts it right.
+    Half a voxel back along the ray the guess is the index or the one before, whatever the rounding; comparing crossings
+    tells which.
     """
-    along = ray.origin + time * ray.speed
-    guess = jnp.clip(jnp.where(ray.inverse < STILL, jnp.floor(along).astype(jnp.int32), fallback), low, high)
-    earlier = _axes(guess) < axis
-
-    def crossed(boundary: jax.Array) -> jax.Array:
-        when = crossing(ray, boundary.astype(ray.origin.dtype))
-        return (when < time) | (earlier & (when == time))
-
-    guess = jnp.where((guess < high) & crossed(guess + 1), guess + 1, guess)
-    return jnp.where((guess > low) & ~crossed(guess), guess - 1, guess)
+    origin, inverse = ray.origin[a], ray.inverse[a]
+    guess = jnp.clip(jnp.floor(origin + time * ray.speed[a] - 0.5), low, end - 1)
+    following = guess + 1
+    when = (following - origin) * inverse
+    crossed = (when < time) | ((a < axis) & (when == time))
+    return jnp.where(crossed & (following < end), following, guess)
