@@ -36,7 +36,7 @@ def baseline_view(
     """
     if kind not in get_args(Baseline):
         raise InputError(f"There is no planner {kind!r}; there are {', '.join(get_args(Baseline))}.")
-    scorer = Scorer(map, ready(map), planning_sensor(sensor, search.rays), space, Utility(), 0.0, None)
+    scorer = Scorer(map, ready(map), planning_sensor(sensor, search.rays), space, Utility(), 0.0, None, ())
     found = scorer(space.spread(search.views, search.seed))
     if len(found.value) == 0:
         return _none(ViewOutcome.NO_REACHABLE_VIEW, space.dimension, Utility())

@@ -103,7 +103,7 @@ Chooser = Callable[[LabelMap, Any, Search, Sequence[np.ndarray]], View]
 
 def by_utility(sensor: Sensor, weights: Utility = Utility()) -> Chooser:
     """The view of highest utility (:func:`next_view`)."""
-    return lambda map, space, search, taken: next_view(map, sensor, space, search, weights, taken[-1])
+    return lambda map, space, search, taken: next_view(map, sensor, space, search, weights, taken[-1], taken)
 
 
 def explore(

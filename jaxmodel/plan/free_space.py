@@ -1,5 +1,7 @@
 """Views from anywhere a robot can go: five degrees of freedom in the empty, reachable part of a map (thesis §4.3.2)."""
 
+from collections.abc import Sequence
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -83,6 +85,12 @@ class FreeSpace(ViewSpace):
         result = np.zeros(len(poses), bool)
         result[there] = self.free[tuple(index[there].T)]
         return result
+
+    def likeness(
+        self, poses: Float[np.ndarray, "n 4 4"], taken: Sequence[Float[np.ndarray, "4 4"]]
+    ) -> Float[np.ndarray, " n"]:
+        """Zero: from elsewhere the same direction shows something else."""
+        return np.zeros(len(poses))
 
     def place_of(self, eyes: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """The three parameters of positions."""

@@ -31,7 +31,7 @@ def hill_climbing(
     place and at three others. Where a view has no orientation of its own, as on a sphere, they are the views around
     four places, and each place moves to its best one until none is better. The least overlap of ``search`` holds.
     """
-    scorer = Scorer(map, ready(map), planning_sensor(sensor, search.rays), space, weights, 0.0, None)
+    scorer = Scorer(map, ready(map), planning_sensor(sensor, search.rays), space, weights, 0.0, None, ())
     random = np.random.default_rng(search.seed)
     if isinstance(space, FreeSpace):
         drawn = space.spread(ORIENTATIONS * (POSITIONS - 1), search.seed)

@@ -7,6 +7,7 @@ Evidence is a union or a sum of whole numbers, so that views may come in any ord
 import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.ndimage import distance_transform_edt
 
 from jaxmodel.errors import InputError
 from jaxmodel.geometry.voxel_grid import VoxelGrid
@@ -14,6 +15,8 @@ from jaxmodel.plan.labels import FACES, Label, derive_labels, neighbour
 
 UNIT = 4096
 """Parts of 1 in which directions are summed: whole numbers have one sum whatever their order."""
+NEAR = 0.15
+"""Over which distance readings make it likelier that surface is near, in the map's longest edge."""
 MOST = 2**31 // UNIT - 1
 """Readings of one voxel, or views behind which it lies, that these sums can hold."""
 
@@ -68,6 +71,17 @@ class LabelMap(eqx.Module):
         normal[plane] = self.behind[plane][:, None] * e - np.einsum("abn,nb->na", along, e)
         length = np.linalg.norm(normal, axis=-1, keepdims=True)
         return np.where(length > 1e-6, normal / np.maximum(length, 1e-6), 0.0).astype(np.float32)
+
+    def near(self) -> Float[np.ndarray, "x y z"]:
+        """exp(-d / L) of each voxel, d its distance from the nearest one that holds readings; 1 without readings.
+
+        Surface goes on beside surface: an unseen voxel near some is likelier to hold more than one in the open. L is
+        ``NEAR`` of the map's longest edge.
+        """
+        if not self.points.any():
+            return np.ones(self.grid.shape, np.float32)
+        away = distance_transform_edt(self.points == 0)
+        return np.exp(-away / (NEAR * max(self.grid.shape))).astype(np.float32)
 
     def label_at(self, points_world: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, " n"]:
         """Label of the voxel each point lies in; beyond the map EMPTY where that is open, else UNKNOWN."""

@@ -5,12 +5,13 @@ enough to score thousands of views first; the gradient of the soft utility and a
 improve the best few, and every candidate is scored exactly again.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from jaxmodel.errors import InputError
 from jaxmodel.plan.label_map import LabelMap
@@ -31,7 +32,7 @@ class Search:
     ``views`` scored exactly over the whole space, ``spiral`` more along the thesis's spiral; ``rays`` a view;
     ``best`` views improved in ``rounds`` of a pattern that shrinks by half; ``gradient`` of them first by
     Levenberg-Marquardt. ``minimum_overlap``: part of a view's readings that must fall on what is known. ``travel``:
-    utility lost for a way as long as the map. ``scheduled``: nominal shares follow what views can meet, else they stay.
+    utility lost for a way as long as the map.
     """
 
     views: int = 2000
@@ -42,7 +43,6 @@ class Search:
     gradient: int = 3
     minimum_overlap: float = 0.3
     travel: float = 0.0
-    scheduled: bool = True
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -85,7 +85,7 @@ class View(NamedTuple):
 
 
 class Scores(NamedTuple):
-    """Exact scores of many views, by view: ``value`` is the utility less travel, ``able`` what the constraints allow."""
+    """Exact scores of many views, by view: ``value`` is the utility less repeats and travel, ``able`` what the constraints allow."""
 
     parameters: Float[np.ndarray, "n d"]
     poses: Float[np.ndarray, "n 4 4"]
@@ -97,7 +97,7 @@ class Scores(NamedTuple):
 
     def take(self, rows: np.ndarray) -> "Scores":
         """Some of the views."""
-        seen = Seen(self.seen.counts[rows], self.seen.cosines[rows], self.seen.total)
+        seen = self.seen.take(rows)
         rest = (self.utility, self.value, self.overlap, self.novelty)
         return Scores(self.parameters[rows], self.poses[rows], seen, *(array[rows] for array in rest))
 
@@ -112,6 +112,7 @@ class Scorer(NamedTuple):
     weights: Utility
     travel: float
     eye: Float[np.ndarray, "3"] | None
+    taken: tuple[Float[np.ndarray, "4 4"], ...]
 
     def __call__(self, parameters: Float[np.ndarray, "n d"]) -> Scores:
         """Scores of those of ``parameters`` that the view space allows."""
@@ -122,14 +123,17 @@ class Scorer(NamedTuple):
 
     def scored(self, parameters, poses, seen: Seen) -> Scores:
         """The scores that follow from what is seen."""
-        utility = np.asarray(self.weights(seen.shares.astype(np.float32), seen.quality.astype(np.float32)))
+        shares, quality, nearness = (np.asarray(of, np.float32) for of in (seen.shares, seen.quality, seen.nearness))
+        utility = np.asarray(self.weights(shares, quality, nearness))
         met = np.maximum(seen.counts.sum(axis=1), 1)
         overlap = (seen.counts[:, Label.OCCUPIED] + seen.counts[:, Label.BORDER]) / met
         novelty = (seen.counts[:, Label.UNKNOWN] + seen.counts[:, Label.OCCLUSION_PLANE]) / seen.total
         value = utility
+        if len(self.taken):
+            value = value - float(self.weights.repeat) * self.views.likeness(poses, self.taken)
         if self.travel > 0 and self.eye is not None:
             extent = self.map.grid.cell * max(self.map.grid.shape)
-            value = utility - self.travel * np.linalg.norm(poses[:, :3, 3] - self.eye, axis=1) / extent
+            value = value - self.travel * np.linalg.norm(poses[:, :3, 3] - self.eye, axis=1) / extent
         return Scores(parameters, poses, seen, utility, value, overlap, novelty)
 
 
@@ -140,24 +144,24 @@ def next_view(
     search: Search = Search(),
     weights: Utility = Utility(),
     current: Float[np.ndarray, "4 4"] | None = None,
+    taken: Sequence[Float[np.ndarray, "4 4"]] = (),
 ) -> View:
     """The best view of a :class:`jaxmodel.plan.viewpoints.ViewSpace` for a map and a sensor.
 
-    ``current`` pose ``T_world_sensor``, for travel. No reachable view, nothing left to see or too little overlap are
+    ``current`` pose ``T_world_sensor``, for travel; ``taken``: poses so far, not to be repeated. No reachable view, nothing left to see or too little overlap are
     outcomes, not errors.
     """
     eye = None if current is None else np.asarray(current, np.float64)[:3, 3]
-    scorer = Scorer(map, ready(map), planning_sensor(sensor, search.rays), space, weights, search.travel, eye)
+    scorer = Scorer(map, ready(map), planning_sensor(sensor, search.rays), space, weights, search.travel, eye, tuple(taken))
     parts = [space.spread(search.views, search.seed)]
     if search.spiral:
         parts.append(space.spiral(search.spiral))
     found = scorer(np.concatenate(parts))
     if len(found.value) == 0:
         return _none(ViewOutcome.NO_REACHABLE_VIEW, space.dimension, weights)
-    if search.scheduled:
-        weights = weights.attainable(found.seen.shares.max(axis=0))
-        scorer = scorer._replace(weights=weights)
-        found = scorer.scored(found.parameters, found.poses, found.seen)
+    weights = weights.attainable(found.seen.shares)
+    scorer = scorer._replace(weights=weights)
+    found = scorer.scored(found.parameters, found.poses, found.seen)
     count = len(found.value)
     if found.novelty.max() <= 0:
         best = int(np.argmax(found.value))
@@ -177,7 +181,7 @@ def utility_field(
     map: LabelMap, sensor: Sensor, space: Any, weights: Utility, views: int = 20_000, rays: int = 1024, seed: int = 0
 ) -> Scores:
     """Exact utility over the whole view space as a map of ``views`` views, those allowed."""
-    scorer = Scorer(map, ready(map), planning_sensor(sensor, rays), space, weights, 0.0, None)
+    scorer = Scorer(map, ready(map), planning_sensor(sensor, rays), space, weights, 0.0, None, ())
     return scorer(space.spread(views, seed))
 
 
@@ -229,11 +233,7 @@ def _better(few: Scores, tried: Scores, least_overlap: float) -> Scores:
 
 def joined(one: Scores, two: Scores) -> Scores:
     """The views of both."""
-    seen = Seen(
-        np.concatenate([one.seen.counts, two.seen.counts]),
-        np.concatenate([one.seen.cosines, two.seen.cosines]),
-        one.seen.total,
-    )
+    seen = one.seen.joined(two.seen)
     rest = [
         np.concatenate([getattr(one, name), getattr(two, name)]) for name in ("utility", "value", "overlap", "novelty")
     ]

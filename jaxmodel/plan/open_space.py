@@ -25,22 +25,29 @@ class Space(eqx.Module):
 
     ``code``: minus the label of a voxel that stops a ray, else the edge (in voxels) of the empty cube ahead. One table
     an octant, that of ``4 fx + 2 fy + fz`` where f says that rays fall along the axis, in mirrored coordinates (indices
-    counted along the ray). ``normal`` of each voxel or zero, one row an axis, by the voxel's key.
+    counted along the ray). ``normal`` of each voxel or zero, one row an axis, and ``near`` (how likely surface is there,
+    0 to 1), by the voxel's key.
     """
 
     code: Int[jax.Array, " 8*k"]
     normal: Float[jax.Array, "3 k"]
+    near: Float[jax.Array, " k"]
     shape: tuple[int, int, int] = eqx.field(static=True)
 
 
-def space_of(labels: Int[np.ndarray, "x y z"], normals: Float[np.ndarray, "x y z 3"]) -> Space:
-    """``labels`` (int8) with the cubes that let rays skip; voxels beyond the map stop nothing."""
+def space_of(
+    labels: Int[np.ndarray, "x y z"],
+    normals: Float[np.ndarray, "x y z 3"],
+    near: Float[np.ndarray, "x y z"] | None = None,
+) -> Space:
+    """``labels`` (int8) with the cubes that let rays skip; voxels beyond the map stop nothing. ``near``: default 1."""
     ahead = cubes_ahead(labels == Label.EMPTY)
     code = np.stack(
         [np.where(edge > 0, edge, -_mirrored(labels, falls)) for edge, falls in zip(ahead, octants(), strict=True)]
     )
     rows = np.ascontiguousarray(normals.reshape(-1, 3).T, np.float32)
-    return Space(jnp.asarray(code.reshape(-1).astype(np.int8)), jnp.asarray(rows), labels.shape)
+    likely = np.ones(labels.size, np.float32) if near is None else near.reshape(-1).astype(np.float32)
+    return Space(jnp.asarray(code.reshape(-1).astype(np.int8)), jnp.asarray(rows), jnp.asarray(likely), labels.shape)
 
 
 def octants() -> list[tuple[int, ...]]:

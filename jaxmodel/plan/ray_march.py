@@ -44,14 +44,16 @@ COMPANY = 4
 
 
 class Seen(NamedTuple):
-    """``counts (v, 6)`` rays, or voxels, of each label met from each pose; ``cosines (v, 6)`` summed over them.
+    """``counts (v, 6)`` rays, or voxels, of each label met from each pose; ``cosines``, ``near`` summed over them.
 
     A cosine is that of the angle between the ray and the inverse of the voxel's mean normal, at least 0, and 0 where
-    no normal is known (unknown voxels). ``total`` rays were cast from each pose.
+    no normal is known (unknown voxels). ``near``: how close to known surface voxels lie (:meth:`LabelMap.near`).
+    ``total`` rays were cast from each pose.
     """
 
     counts: Int[np.ndarray, "v 6"]
     cosines: Float[np.ndarray, "v 6"]
+    near: Float[np.ndarray, "v 6"]
     total: int
 
     @property
@@ -63,6 +65,21 @@ class Seen(NamedTuple):
     def quality(self) -> Float[np.ndarray, "v 6"]:
         """Mean cosine of each label, the thesis's K; 0 where none is seen."""
         return self.cosines / np.maximum(self.counts, 1)
+
+    @property
+    def nearness(self) -> Float[np.ndarray, "v 6"]:
+        """Mean of ``near`` of each label; 0 where none is seen."""
+        return self.near / np.maximum(self.counts, 1)
+
+    def take(self, rows: np.ndarray) -> "Seen":
+        """Some of the views."""
+        return Seen(self.counts[rows], self.cosines[rows], self.near[rows], self.total)
+
+    def joined(self, other: "Seen") -> "Seen":
+        """These views and those of another."""
+        pairs = zip(self[:3], other[:3], strict=True)
+        counts, cosines, near = (np.concatenate(pair) for pair in pairs)
+        return Seen(counts, cosines, near, self.total)
 
 
 class March(Kernel):
@@ -107,13 +124,15 @@ class March(Kernel):
             return label.astype(jnp.int8), jnp.where(label < NOTHING, key, -1), entered
         x, y, z = (self.space.normal[axis][key] * along for axis, along in enumerate(direction))
         cosine = jnp.maximum(-(x + y + z), 0)
+        near = self.space.near[key]
         if self.distinct:
             key = jnp.where(label < NOTHING, key, self.space.normal.shape[1])
             order = jnp.argsort(key)
-            label, key, cosine = label[order], key[order], cosine[order]
+            label, key, cosine, near = label[order], key[order], cosine[order], near[order]
             label = jnp.where(jnp.concatenate([jnp.ones(1, bool), key[1:] != key[:-1]]), label, NOTHING)
         chosen = label == jnp.arange(LABELS)[:, None]
-        return jnp.sum(chosen, axis=1), jnp.sum(jnp.where(chosen, cosine, 0), axis=1)
+        summed = lambda values: jnp.sum(jnp.where(chosen, values, 0), axis=1)  # noqa: E731
+        return jnp.sum(chosen, axis=1), summed(cosine), summed(near)
 
     def _to_the_end(self, ray: Ray, packed: Int[jax.Array, " r"], few: int) -> Int[jax.Array, " r"]:
         """The states when the ``few`` rays that still walk have ended, by gathering them."""
@@ -194,16 +213,17 @@ def look(
     """
     items = in_cells(map, poses)
     if len(items) == 0:
-        return Seen(np.zeros((0, LABELS), np.int32), np.zeros((0, LABELS), np.float32), sensor.width * sensor.height)
+        none = np.zeros((0, LABELS), np.float32)
+        return Seen(np.zeros((0, LABELS), np.int32), none, none, sensor.width * sensor.height)
     kernel = march_kernel(map, sensor, ready(map) if space is None else space, distinct)
-    counts, cosines = run(kernel, items, Engine(chunk=1024, lanes=64) if engine is None else engine)
-    return Seen(counts, cosines, sensor.width * sensor.height)
+    counts, cosines, near = run(kernel, items, Engine(chunk=1024, lanes=64) if engine is None else engine)
+    return Seen(counts, cosines, near, sensor.width * sensor.height)
 
 
 def ready(map: LabelMap) -> Space:
     """The map as rays see it now."""
     labels = map.labels
-    return space_of(labels, map.normals(labels))
+    return space_of(labels, map.normals(labels), map.near())
 
 
 def march_kernel(map: LabelMap, sensor: Sensor, space: Space, distinct: bool = False, keep_rays: bool = False) -> March:

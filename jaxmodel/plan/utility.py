@@ -32,22 +32,38 @@ def preference(x: Any, alpha: Any) -> Any:
     return (3 - 2 * part) * part * part
 
 
-class Utility(eqx.Module):
-    """Nominal shares α of a view's rays for four labels; the thesis's values are the defaults.
+UNSEEN = (Label.UNKNOWN, Label.OCCLUSION_PLANE)
 
-    Raises :class:`InputError` for a share that is not between 0 and 1.
+
+class Utility(eqx.Module):
+    """Nominal shares α of a view's rays for four labels (the thesis's values), and what this project adds to them.
+
+    ``known``: weight of the terms of occupied and border voxels. The thesis's is 1: it trades greed for overlap there;
+    where a least overlap is asked of every view anyway, little is left for them to do. ``repeat``: utility lost for a
+    view as one already taken. ``likely``: terms of what is unseen are weighed by how near to known surface it lies,
+    where the thesis weighs those of occlusion planes by their angle. ``scheduled``: α follows what views can still
+    meet (:meth:`attainable`). :data:`THESIS` has none of it. Raises :class:`InputError` for a share that is not
+    between 0 and 1 or a negative weight.
     """
 
     occupied: Float[Array, ""] | float = 0.20
     occlusion_plane: Float[Array, ""] | float = 0.375
     unknown: Float[Array, ""] | float = 0.375
     border: Float[Array, ""] | float = 0.05
+    known: Float[Array, ""] | float = 0.1
+    repeat: Float[Array, ""] | float = 0.3
+    likely: bool = eqx.field(static=True, default=True)
+    scheduled: bool = eqx.field(static=True, default=True)
 
     def __check_init__(self) -> None:
         for name in ("occupied", "occlusion_plane", "unknown", "border"):
             value = getattr(self, name)
             if isinstance(value, int | float) and not 0 < value < 1:
                 raise InputError(f"utility.{name}: expected a share between 0 and 1, not {value}.")
+        for name in ("known", "repeat"):
+            value = getattr(self, name)
+            if isinstance(value, int | float) and not 0 <= value < np.inf:
+                raise InputError(f"utility.{name}: expected a weight of zero or more, not {value}.")
 
     @property
     def alpha(self) -> Float[Array, "6"]:
@@ -59,36 +75,48 @@ class Utility(eqx.Module):
         alpha[Label.BORDER] = jnp.asarray(self.border)
         return jnp.clip(jnp.stack(alpha).astype(jnp.float32), LEAST, 1 - LEAST)
 
-    def terms(self, shares: Any, quality: Any) -> Any:
+    def terms(self, shares: Any, quality: Any, nearness: Any = 1.0) -> Any:
         """K f(x) of each label ``(..., 6)``; the utility, minus eq. 4.9, is their sum.
 
-        ``shares`` of all rays, ``quality`` mean cosine K, both ``(..., 6)``.
+        ``shares`` of all rays, ``quality`` mean cosine, ``nearness`` mean nearness, each ``(..., 6)``.
         """
-        weight = jnp.where(jnp.asarray(_weighed()), quality, 1.0)
-        return jnp.asarray(_counted()) * weight * preference(shares, self.alpha)
+        unseen = jnp.asarray(_among(UNSEEN))
+        angle = jnp.where(jnp.asarray(_among(WEIGHED)), quality, 1.0)
+        K = jnp.where(unseen, nearness, self.known * angle) if self.likely else jnp.where(unseen, 1.0, self.known) * angle
+        return jnp.asarray(_among((*WEIGHED, Label.UNKNOWN))) * K * preference(shares, self.alpha)
 
-    def __call__(self, shares: Any, quality: Any) -> Any:
-        """Utility, from 0 to 4, of views that meet ``shares`` with ``quality``."""
-        return jnp.sum(self.terms(shares, quality), axis=-1)
+    def __call__(self, shares: Any, quality: Any, nearness: Any = 1.0) -> Any:
+        """Utility of views that meet ``shares`` with ``quality`` and ``nearness``."""
+        return jnp.sum(self.terms(shares, quality, nearness), axis=-1)
 
-    def attainable(self, best: Float[np.ndarray, "6"]) -> "Utility":
-        """The same with no nominal share above the ``best`` that any view can meet now.
+    def attainable(self, shares: Float[np.ndarray, "v 6"]) -> "Utility":
+        """The same with nominal shares that follow what the best of views with ``shares`` meet now.
 
         The thesis keeps α fixed: once little is unknown, every view is on the flat foot of the curve and none is better
-        than another (ERRATA). With α at what the best view meets, that view has f = 1 however little is left.
+        than another (ERRATA). Here the nominal share of both unseen labels is the largest part of its rays that any
+        view has on them, so that more is always better and the best has a term near 1 however little is left; for
+        labels of what is known it is the thesis's, or the most that can be met where that is less.
         """
-        limit = lambda nominal, label: float(np.clip(min(float(nominal), float(best[label])), LEAST, 1 - LEAST))  # noqa: E731
+        if not self.scheduled:
+            return self
+        unseen = float(np.clip(shares[:, list(UNSEEN)].sum(axis=1).max(initial=0.0), LEAST, 1 - LEAST))
+        limit = lambda nominal, label: float(  # noqa: E731
+            np.clip(min(float(nominal), float(shares[:, label].max(initial=0.0))), LEAST, 1 - LEAST)
+        )
         return Utility(
             occupied=limit(self.occupied, Label.OCCUPIED),
-            occlusion_plane=limit(self.occlusion_plane, Label.OCCLUSION_PLANE),
-            unknown=limit(self.unknown, Label.UNKNOWN),
+            occlusion_plane=unseen,
+            unknown=unseen,
             border=limit(self.border, Label.BORDER),
+            known=self.known,
+            repeat=self.repeat,
+            likely=self.likely,
         )
 
 
-def _weighed() -> np.ndarray:
-    return np.isin(np.arange(LABELS), WEIGHED)
+THESIS = Utility(known=1.0, repeat=0.0, likely=False, scheduled=False)
+"""The utility of eqs 4.1 to 4.9 with the thesis's fixed nominal shares."""
 
 
-def _counted() -> np.ndarray:
-    return np.isin(np.arange(LABELS), (*WEIGHED, Label.UNKNOWN)).astype(np.float32)
+def _among(labels: tuple[Label, ...]) -> np.ndarray:
+    return np.isin(np.arange(LABELS), labels)

@@ -6,7 +6,7 @@ data. Poses are ``T_world_sensor``, the sensor's z along its view, its x level.
 """
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -54,6 +54,13 @@ class ViewSpace(eqx.Module):
     def allowed(self, poses: Float[np.ndarray, "n 4 4"]) -> Bool[np.ndarray, " n"]:
         """Which poses the sensor may take."""
         return np.ones(len(poses), bool)
+
+    def likeness(
+        self, poses: Float[np.ndarray, "n 4 4"], taken: Sequence[Float[np.ndarray, "4 4"]]
+    ) -> Float[np.ndarray, " n"]:
+        """How much each pose looks along one of those taken: the largest cosine between their views."""
+        forward = np.stack([T[:3, 2] for T in taken])
+        return np.max(poses[:, :3, 2] @ forward.T, axis=1)
 
     def poses(self, parameters: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n 4 4"]:
         """Poses of many views, float64, their rotations exact."""
