@@ -155,18 +155,20 @@ def known(map: LabelMap) -> int:
 def planned_view(
     map: LabelMap, views_at: Callable, way: Way, loop: Loop, search: Search, choose: Chooser
 ) -> tuple[View, int]:
-    """The next view and how many views the robot goes back for it: near the last pose, near earlier ones, anywhere."""
+    """The next view and how many views the robot goes back for it: near the last pose, near an earlier one, anywhere."""
     space = views_at(map, way.poses[-1])
     if loop.stride is not None and isinstance(space, FreeSpace):
-        tried: list[np.ndarray] = []
-        for back, T in enumerate(reversed(way.poses)):
-            eye = T[:3, 3]
-            if any(np.linalg.norm(eye - other) < loop.stride / 2 for other in tried):
+        here, tried = way.poses[-1][:3, 3], []
+        # the nearest first, not the latest: the latest may lie at the other end of a long way
+        order = sorted(range(len(way.poses)), key=lambda k: (float(np.linalg.norm(way.poses[k][:3, 3] - here)), -k))
+        for number in order:
+            T = way.poses[number]
+            if any(np.linalg.norm(T[:3, 3] - other) < loop.stride / 2 for other in tried):
                 continue
-            tried.append(eye)
-            view = choose(map, space.near(eye, loop.stride), search, [*way.poses, T])
+            tried.append(T[:3, 3])
+            view = choose(map, space.near(T[:3, 3], loop.stride), search, [*way.poses, T])
             if view.outcome is ViewOutcome.FOUND and view.novelty >= loop.worth:
-                return view, back
+                return view, len(way.poses) - 1 - number
     return choose(map, space, search, way.poses), 0
 
 

@@ -123,8 +123,8 @@ class Scorer(NamedTuple):
 
     def scored(self, parameters, poses, seen: Seen) -> Scores:
         """The scores that follow from what is seen."""
-        shares, quality, nearness = (np.asarray(of, np.float32) for of in (seen.shares, seen.quality, seen.nearness))
-        utility = np.asarray(self.weights(shares, quality, nearness))
+        shares, quality, promise = (np.asarray(of, np.float32) for of in (seen.shares, seen.quality, seen.promising))
+        utility = np.asarray(self.weights(shares, quality, promise))
         met = np.maximum(seen.counts.sum(axis=1), 1)
         overlap = (seen.counts[:, Label.OCCUPIED] + seen.counts[:, Label.BORDER]) / met
         novelty = (seen.counts[:, Label.UNKNOWN] + seen.counts[:, Label.OCCLUSION_PLANE]) / seen.total

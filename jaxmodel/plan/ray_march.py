@@ -39,21 +39,24 @@ BITS = 10
 """Of each of the three indices in the state of a ray."""
 STOPPED, GONE = 1 << 30, -(1 << 31)
 """State of a ray: its indices, with these bits when it met something or can meet nothing any more."""
+REACH = 0.25
+"""Distance, in the map's longest edge, from which on a ray promises as much as any."""
 COMPANY = 4
 """Once fewer than one ray in so many still walks, those are gathered; again among these."""
 
 
 class Seen(NamedTuple):
-    """``counts (v, 6)`` rays, or voxels, of each label met from each pose; ``cosines``, ``near`` summed over them.
+    """``counts (v, 6)`` rays, or voxels, of each label met from each pose; ``cosines``, ``promise`` summed.
 
     A cosine is that of the angle between the ray and the inverse of the voxel's mean normal, at least 0, and 0 where
-    no normal is known (unknown voxels). ``near``: how close to known surface voxels lie (:meth:`LabelMap.near`).
-    ``total`` rays were cast from each pose.
+    no normal is known (unknown voxels). A promise is how close to known surface the voxel lies
+    (:meth:`LabelMap.near`), times the square of its distance in ``REACH`` where that is less than 1: a ray that ends
+    close by shows little area. ``total`` rays were cast from each pose.
     """
 
     counts: Int[np.ndarray, "v 6"]
     cosines: Float[np.ndarray, "v 6"]
-    near: Float[np.ndarray, "v 6"]
+    promise: Float[np.ndarray, "v 6"]
     total: int
 
     @property
@@ -67,19 +70,19 @@ class Seen(NamedTuple):
         return self.cosines / np.maximum(self.counts, 1)
 
     @property
-    def nearness(self) -> Float[np.ndarray, "v 6"]:
-        """Mean of ``near`` of each label; 0 where none is seen."""
-        return self.near / np.maximum(self.counts, 1)
+    def promising(self) -> Float[np.ndarray, "v 6"]:
+        """Mean promise of each label; 0 where none is seen."""
+        return self.promise / np.maximum(self.counts, 1)
 
     def take(self, rows: np.ndarray) -> "Seen":
         """Some of the views."""
-        return Seen(self.counts[rows], self.cosines[rows], self.near[rows], self.total)
+        return Seen(self.counts[rows], self.cosines[rows], self.promise[rows], self.total)
 
     def joined(self, other: "Seen") -> "Seen":
         """These views and those of another."""
         pairs = zip(self[:3], other[:3], strict=True)
-        counts, cosines, near = (np.concatenate(pair) for pair in pairs)
-        return Seen(counts, cosines, near, self.total)
+        counts, cosines, promise = (np.concatenate(pair) for pair in pairs)
+        return Seen(counts, cosines, promise, self.total)
 
 
 class March(Kernel):
@@ -124,15 +127,16 @@ class March(Kernel):
             return label.astype(jnp.int8), jnp.where(label < NOTHING, key, -1), entered
         x, y, z = (self.space.normal[axis][key] * along for axis, along in enumerate(direction))
         cosine = jnp.maximum(-(x + y + z), 0)
-        near = self.space.near[key]
+        far = jnp.minimum(entered / (REACH * max(self.space.shape)), 1.0)
+        promise = self.space.near[key] * far * far
         if self.distinct:
             key = jnp.where(label < NOTHING, key, self.space.normal.shape[1])
             order = jnp.argsort(key)
-            label, key, cosine, near = label[order], key[order], cosine[order], near[order]
+            label, key, cosine, promise = label[order], key[order], cosine[order], promise[order]
             label = jnp.where(jnp.concatenate([jnp.ones(1, bool), key[1:] != key[:-1]]), label, NOTHING)
         chosen = label == jnp.arange(LABELS)[:, None]
         summed = lambda values: jnp.sum(jnp.where(chosen, values, 0), axis=1)  # noqa: E731
-        return jnp.sum(chosen, axis=1), summed(cosine), summed(near)
+        return jnp.sum(chosen, axis=1), summed(cosine), summed(promise)
 
     def _to_the_end(self, ray: Ray, packed: Int[jax.Array, " r"], few: int) -> Int[jax.Array, " r"]:
         """The states when the ``few`` rays that still walk have ended, by gathering them."""
@@ -216,8 +220,8 @@ def look(
         none = np.zeros((0, LABELS), np.float32)
         return Seen(np.zeros((0, LABELS), np.int32), none, none, sensor.width * sensor.height)
     kernel = march_kernel(map, sensor, ready(map) if space is None else space, distinct)
-    counts, cosines, near = run(kernel, items, Engine(chunk=1024, lanes=64) if engine is None else engine)
-    return Seen(counts, cosines, near, sensor.width * sensor.height)
+    counts, cosines, promise = run(kernel, items, Engine(chunk=1024, lanes=64) if engine is None else engine)
+    return Seen(counts, cosines, promise, sensor.width * sensor.height)
 
 
 def ready(map: LabelMap) -> Space:

@@ -40,8 +40,8 @@ class Utility(eqx.Module):
 
     ``known``: weight of the terms of occupied and border voxels. The thesis's is 1: it trades greed for overlap there;
     where a least overlap is asked of every view anyway, little is left for them to do. ``repeat``: utility lost for a
-    view as one already taken. ``likely``: terms of what is unseen are weighed by how near to known surface it lies,
-    where the thesis weighs those of occlusion planes by their angle. ``scheduled``: α follows what views can still
+    view as one already taken. ``likely``: terms of what is unseen are weighed by how much it promises
+    (:class:`Seen`), where the thesis weighs those of occlusion planes by their angle. ``scheduled``: α follows what views can still
     meet (:meth:`attainable`). :data:`THESIS` has none of it. Raises :class:`InputError` for a share that is not
     between 0 and 1 or a negative weight.
     """
@@ -75,19 +75,20 @@ class Utility(eqx.Module):
         alpha[Label.BORDER] = jnp.asarray(self.border)
         return jnp.clip(jnp.stack(alpha).astype(jnp.float32), LEAST, 1 - LEAST)
 
-    def terms(self, shares: Any, quality: Any, nearness: Any = 1.0) -> Any:
+    def terms(self, shares: Any, quality: Any, promise: Any = 1.0) -> Any:
         """K f(x) of each label ``(..., 6)``; the utility, minus eq. 4.9, is their sum.
 
-        ``shares`` of all rays, ``quality`` mean cosine, ``nearness`` mean nearness, each ``(..., 6)``.
+        ``shares`` of all rays, ``quality`` mean cosine, ``promise`` mean promise, each ``(..., 6)``.
         """
         unseen = jnp.asarray(_among(UNSEEN))
         angle = jnp.where(jnp.asarray(_among(WEIGHED)), quality, 1.0)
-        K = jnp.where(unseen, nearness, self.known * angle) if self.likely else jnp.where(unseen, 1.0, self.known) * angle
+        K = promise if self.likely else angle
+        K = jnp.where(unseen, K, self.known * angle)
         return jnp.asarray(_among((*WEIGHED, Label.UNKNOWN))) * K * preference(shares, self.alpha)
 
-    def __call__(self, shares: Any, quality: Any, nearness: Any = 1.0) -> Any:
-        """Utility of views that meet ``shares`` with ``quality`` and ``nearness``."""
-        return jnp.sum(self.terms(shares, quality, nearness), axis=-1)
+    def __call__(self, shares: Any, quality: Any, promise: Any = 1.0) -> Any:
+        """Utility of views that meet ``shares`` with ``quality`` and ``promise``."""
+        return jnp.sum(self.terms(shares, quality, promise), axis=-1)
 
     def attainable(self, shares: Float[np.ndarray, "v 6"]) -> "Utility":
         """The same with nominal shares that follow what the best of views with ``shares`` meet now.

@@ -11,6 +11,7 @@ import tyro
 
 from jaxmodel.run.calibration.arguments import Calibrate
 from jaxmodel.run.meshing.arguments import Mesh
+from jaxmodel.run.planning.arguments import Plan
 
 _Positional = tyro.conf.Positional
 ControlPointsKind = Literal["subsample", "vertices", "contours", "split_vertices"]
@@ -163,7 +164,7 @@ class Data:
     )
 
 
-AnyCommand = Run | Sweep | Register | Calibrate | Mesh | Report | Data
+AnyCommand = Run | Sweep | Register | Calibrate | Mesh | Plan | Report | Data
 
 _Command = (
     Annotated[Run, tyro.conf.subcommand("run")]
@@ -171,6 +172,7 @@ _Command = (
     | Annotated[Register, tyro.conf.subcommand("register")]
     | Annotated[Calibrate, tyro.conf.subcommand("calibrate")]
     | Annotated[Mesh, tyro.conf.subcommand("mesh")]
+    | Annotated[Plan, tyro.conf.subcommand("plan")]
     | Annotated[Report, tyro.conf.subcommand("report")]
     | Annotated[Data, tyro.conf.subcommand("data")]
 )

@@ -68,5 +68,9 @@ def _run(command: arguments.AnyCommand, changes: list[tuple[str, str]], words: l
             from jaxmodel.run.meshing.command import mesh
 
             mesh(command, line)
+        case arguments.Plan():
+            from jaxmodel.run.planning.command import plan
+
+            plan(command, line)
         case arguments.Report():
             commands.report(command)

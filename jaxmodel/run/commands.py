@@ -145,7 +145,8 @@ def _config_path(given: Path) -> Path:
 
 
 def folder_of(
-    command: arguments.Run | arguments.Sweep | arguments.Register | arguments.Calibrate, name: str | None
+    command: arguments.Run | arguments.Sweep | arguments.Register | arguments.Calibrate | arguments.Plan,
+    name: str | None,
 ) -> Path:
     """The folder that a command names; without one, the first free number below ``runs`` if ``name`` is given."""
     if command.resume is not None:

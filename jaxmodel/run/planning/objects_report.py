@@ -17,10 +17,22 @@ from jaxmodel.view.table import Table
 
 def tables(summary: Mapping[str, Any], command: str) -> list[Table]:
     """Every run, the registrations where there were any, then the planners beside each other."""
+    if len(summary["runs"]) == 1:
+        return [_alone(summary, command)]
     shown = [_runs(summary)]
     if any(run["registered"] for run in summary["runs"]):
         shown.append(_registrations(summary))
     return [*shown, _planners(summary, command)]
+
+
+def _alone(summary: Mapping[str, Any], command: str) -> Table:
+    run = summary["runs"][0]
+    rows = [
+        (str(number), f"{100 * seen:.2f} %", "yes" if placed else "no, left out")
+        for number, (seen, placed) in enumerate(zip(run["coverage"], summary["placed"], strict=True), start=1)
+    ]
+    title = f"{run['object']}: share of the reachable surface seen; {summary['ending']} | {command}"
+    return Table(title, ("view", "seen", "placed"), rows)
 
 
 def planner_name(of: Mapping[str, Any]) -> str:

@@ -17,7 +17,7 @@ from jaxmodel.errors import InputError
 from jaxmodel.io.meshes import load_mesh
 from jaxmodel.io.results import RunDir
 from jaxmodel.io.strict_yaml import unstructure
-from jaxmodel.plan.explore import Loop
+from jaxmodel.plan.explore import Ending, Loop
 from jaxmodel.plan.next_view import Search
 from jaxmodel.run.console import Progress
 from jaxmodel.run.planning.object_run import FREE, PLANNERS, Case, object_run, row_of
@@ -30,6 +30,9 @@ from jaxmodel.run.provenance import hash_files
 from jaxmodel.run.registry import Prepared
 
 __all__ = ["Config", "ObjectsStudy", "draw", "prepare", "tables"]
+
+
+ENDINGS = {ending.name.lower(): ending.value for ending in Ending}
 
 
 @dataclass(frozen=True)
@@ -60,8 +63,8 @@ class Config:
             raise ValueError(f"seed is {self.seed}, expected 0 or more")
         if not self.objects:
             raise ValueError("objects must name at least one")
-        if not self.planners:
-            raise ValueError("planners must name at least one")
+        if not self.planners and not self.registered:
+            raise ValueError("planners and registered must name at least one between them")
         known = (*PLANNERS, *(name + FREE for name in PLANNERS))
         for planner in (*self.planners, *self.registered):
             if planner not in known:
@@ -114,6 +117,8 @@ class ObjectsStudy(Prepared):
             "views": config.loop.views,
             **summarised(table, config.loop.views),
         }
+        if len(rows) == 1:
+            summary |= _alone(folder, table, summary["runs"][0])
         progress.describe("pictures")
         summary["figures"] = draw(folder, summary)
         summary["seconds"] = round(time.perf_counter() - begun, 3)
@@ -148,6 +153,14 @@ def _cases(config: Config) -> Iterator[Case]:
             for noise in config.noises:
                 for start in range(config.starts):
                     yield Case(planner, start, noise, registered, config.off_deg, config.off_shift, config.seed)
+
+
+def _alone(folder: RunDir, table: polars.DataFrame, run: dict[str, Any]) -> dict[str, Any]:
+    """What a single run is asked for: its curve and how it ended in the summary, its poses in a file."""
+    names = [f"T_{i}{j}" for i in range(3) for j in range(4)]
+    poses = [[*np.reshape(row, (3, 4)).tolist(), [0.0, 0.0, 0.0, 1.0]] for row in table.select(names).iter_rows()]
+    folder.write_json("poses.json", {f"view{number:03d}": T for number, T in enumerate(poses)})
+    return {"coverage": run["coverage"], "ending": ENDINGS[run["ending"]], "placed": table["placed"].to_list()}
 
 
 def _told(case: Case) -> dict[str, Any]:
