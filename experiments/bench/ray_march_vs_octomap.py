@@ -123,13 +123,12 @@ def cast(tree: Any, rays: PeerRays, ignore_unknown: bool) -> Float[np.ndarray, "
 
 def ours_met(scene: Scene, rays: PeerRays) -> Float[np.ndarray, "r 3"]:
     """The same with our march, ray for ray."""
-    from jaxmodel.lanes import Engine, run
-    from jaxmodel.plan.ray_march import march_kernel, ready
+    from jaxmodel.plan.ray_march import march_kernel, ready, run_views
 
     kernel = march_kernel(scene.map, Sensor(1, 1), ready(scene.map), keep_rays=True)
     items = np.tile(np.eye(4, dtype=np.float32), (len(rays.origin), 1, 1))
     items[:, :3, 2], items[:, :3, 3] = rays.direction, rays.origin
-    _, key, _ = run(kernel, items, Engine(chunk=1024))
+    _, key, _ = run_views(kernel, items)
     centres = scene.map.grid.centres(np.maximum(key[:, 0], 0))
     centres = (centres - scene.map.grid.origin) / scene.map.grid.cell
     return np.where(key >= 0, centres, np.nan)

@@ -102,7 +102,8 @@ def _evidence(shape: tuple[int, int, int]) -> Any:
     size = int(np.prod(shape))
 
     def evidence(rays: Rays) -> jax.Array:
-        ray = mirrored_ray(rays.origin, rays.direction, shape)
+        (ox, oy, oz), (dx, dy, dz) = rays.origin, rays.direction
+        ray = mirrored_ray((ox, oy, oz), (dx, dy, dz), shape)
         place, meets = enter(ray, shape)
 
         def body(state):
