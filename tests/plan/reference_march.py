@@ -77,35 +77,34 @@ class Evidence:
         self.eyes = defaultdict(list)
         self.outside = 0
 
-    def add(self, grid, image, T, empty_rays=()):
-        """A pinhole image from ``T`` (sensor to world), and directions (sensor) in which nothing was met, with reach."""
+    def add(self, grid, image, T, free_rays=(), reaches=()):
+        """A pinhole image from ``T`` (sensor to world), and directions (sensor) along which nothing was met, how far."""
         R, t = T[:3, :3], T[:3, 3]
         behind = set()
         normal = normals(image)
         lower, cell = np.asarray(grid.origin), grid.cell
-        for row, column in np.argwhere(image.valid):
-            point = image.points[row, column]
-            length = np.linalg.norm(point)
-            if length == 0:
-                continue
+        points = image.points[image.valid]
+        lengths = np.linalg.norm(points, axis=1)
+        directions = (points / lengths[:, None]) @ R.T
+        for point, length, direction, facing in zip(points, lengths, directions, normal[image.valid], strict=True):
             at = tuple(int(v) for v in np.floor((R @ point + t - lower) / cell))
             held = all(0 <= at[a] < self.shape[a] for a in range(3))
+            reading = F(length / cell)
             if held:
                 self.points[at] += 1
-                self.nearest[at] = min(self.nearest[at], F(F(length / cell) * F(cell)))
-                self.normals[at].append(R @ normal[row, column])
+                self.nearest[at] = min(self.nearest[at], F(reading * F(cell)))
+                self.normals[at].append(R @ facing)
             else:
                 self.outside += 1
-            reading = F(length / cell)
-            for voxel, enters, leaves in walk((t - lower) / cell, R @ (point / length), self.shape):
+            for voxel, enters, leaves in walk((t - lower) / cell, direction, self.shape):
                 if voxel == at and held:
                     continue
                 if leaves <= reading:
                     self.crossed[voxel] = True
                 elif enters >= reading:
                     behind.add(voxel)
-        for direction, reach in empty_rays:
-            for voxel, _, leaves in walk((t - lower) / cell, R @ direction, self.shape):
+        for direction, reach in zip(np.reshape(free_rays, (-1, 3)) @ R.T, reaches, strict=True):
+            for voxel, _, leaves in walk((t - lower) / cell, direction, self.shape):
                 if leaves <= F(reach / cell):
                     self.crossed[voxel] = True
         for voxel in behind:
