@@ -28,7 +28,7 @@ class Space(eqx.Module):
     counted along the ray). ``normal`` of each voxel or zero, one row an axis, by the voxel's key.
     """
 
-    code: Int[jax.Array, " 8*k"]
+    code: Int[jax.Array, " eight_k"]
     normal: Float[jax.Array, "3 k"]
     shape: tuple[int, int, int] = eqx.field(static=True)
 

@@ -239,6 +239,8 @@ def ready(map: LabelMap) -> Space:
 
 def march_kernel(map: LabelMap, sensor: Sensor, space: Space, distinct: bool = False, keep_rays: bool = False) -> March:
     """The kernel of one sensor in one map, lengths in cells."""
+    if max(space.shape) >= 1 << BITS:
+        raise InputError(f"Rays march through maps of at most {(1 << BITS) - 1} voxels an edge, not {space.shape}.")
     rays = pixel_rays(sensor)
     row = lambda array: jnp.asarray(array.reshape(-1, 3).T, jnp.float32)  # noqa: E731
     low, high = sensor.minimum_range or 0.0, np.inf if sensor.maximum_range is None else sensor.maximum_range
