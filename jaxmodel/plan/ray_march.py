@@ -167,7 +167,8 @@ class March(Kernel):
 
     def _turned(self, item, rows: Float[jax.Array, "3 r"]) -> Rows:
         """Directions of the sensor in the map."""
-        x, y, z = (sum(item[:, axis, k, None] * rows[k] for k in range(3)) for axis in range(3))
+        u, v, w = rows
+        x, y, z = (item[:, a, 0, None] * u + item[:, a, 1, None] * v + item[:, a, 2, None] * w for a in range(3))
         return x, y, z
 
 

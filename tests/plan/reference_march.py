@@ -6,7 +6,7 @@ Plain Python over NumPy scalars: a ray crosses the planes between voxels one aft
 
 from collections import defaultdict
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -55,7 +55,7 @@ class Met(NamedTuple):
     entered: float
 
 
-def first_met(origin, direction, labels, nearest=0.0, farthest=np.inf) -> Met:
+def first_met(origin, direction, labels, nearest: Any = 0.0, farthest: Any = np.inf) -> Met:
     """First voxel that is not empty, if it is entered between the nearest and the farthest time."""
     for voxel, enters, _ in walk(origin, direction, labels.shape):
         if enters > farthest:
@@ -78,7 +78,7 @@ class Evidence:
         self.outside = 0
 
     def add(self, grid, image, T, free_rays=(), reaches=()):
-        """A pinhole image from ``T`` (sensor to world), and directions (sensor) along which nothing was met, how far."""
+        """A pinhole image from ``T`` (sensor to world); directions (sensor) that met nothing, and how far they reach."""
         R, t = T[:3, :3], T[:3, 3]
         behind = set()
         normal = normals(image)

@@ -39,7 +39,7 @@ def test_points_outweigh_rays_and_rays_outweigh_shadow():
         expected = (
             Label.OCCUPIED if occupied else Label.EMPTY if crossed else Label.OCCLUDED if behind else Label.UNKNOWN
         )
-        assert derive_labels(*arrays, False)[1, 1, 1] == expected
+        assert derive_labels(arrays[0], arrays[1], arrays[2], False)[1, 1, 1] == expected
 
 
 def test_only_the_six_faces_are_beside():

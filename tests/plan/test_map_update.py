@@ -127,8 +127,8 @@ def test_any_order_of_views_gives_the_same_map(scene):
     rng = np.random.default_rng(0)
     for order in (range(5, -1, -1), rng.permutation(6), rng.permutation(6)):
         other = unknown_map(grid, map.open_outside)
-        for i in order:
-            other = update(other, *views[i], sensor)
+        for image, T in (views[i] for i in order):
+            other = update(other, image, T, sensor)
         for name in ARRAYS:
             assert np.array_equal(getattr(other, name), getattr(map, name)), name
         assert (other.outside, other.full, other.views) == (map.outside, map.full, map.views)
@@ -138,9 +138,9 @@ def test_any_order_of_views_gives_the_same_map(scene):
 def test_evidence_only_grows_and_the_map_before_is_kept(scene):
     _, _, grid, views, sensor = scene
     map = unknown_map(grid)
-    for view in views:
+    for image, T in views:
         kept = {name: getattr(map, name).copy() for name in ARRAYS}
-        after = update(map, *view, sensor)
+        after = update(map, image, T, sensor)
         assert all(np.array_equal(kept[name], getattr(map, name)) for name in ARRAYS)
         assert (after.points >= map.points).all()
         assert (after.nearest <= map.nearest).all()
@@ -153,8 +153,8 @@ def test_each_view_adds_the_same_to_any_map(scene):
     """Incremental equals batch: what two views tell together is the sum and the union of what each tells alone."""
     _, _, grid, views, sensor = scene
     for one, two in itertools.pairwise(views):
-        alone = [update(unknown_map(grid), *view, sensor) for view in (one, two)]
-        both = update(alone[0], *two, sensor)
+        alone = [update(unknown_map(grid), image, T, sensor) for image, T in (one, two)]
+        both = update(alone[0], two[0], two[1], sensor)
         for name in ("points", "normal_sum", "behind", "shadow_sum"):
             assert np.array_equal(getattr(both, name), getattr(alone[0], name) + getattr(alone[1], name))
         assert np.array_equal(both.crossed, alone[0].crossed | alone[1].crossed)
@@ -213,7 +213,7 @@ def test_an_orthographic_image_is_a_pinhole_image_from_far_away():
     flat = update(unknown_map(grid), RangeImage(points, u > 1, np.array([0.0, 0, -1, 0])), T)
     away = T.copy()
     away[2, 3] -= 500
-    distant = update(unknown_map(grid), RangeImage(points + [0, 0, 500], u > 1), away)
+    distant = update(unknown_map(grid), RangeImage(points + np.array([0, 0, 500]), u > 1), away)
     assert np.array_equal(flat.points, distant.points)
     assert (flat.labels == distant.labels).mean() > 0.99
     assert len(np.unique(flat.labels)) >= 5

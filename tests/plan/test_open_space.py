@@ -20,7 +20,7 @@ def test_the_cube_ahead_is_empty_and_no_larger_one_is(shape, share):
         seen = _mirrored(empty, falls)
         for voxel in np.ndindex(shape):
             edge = int(edges[voxel])
-            within = lambda n, at=voxel: seen[tuple(slice(i, i + n) for i in at)]  # noqa: E731
+            within = lambda n, at=voxel, seen=seen: seen[tuple(slice(i, i + n) for i in at)]  # noqa: E731
             assert within(edge).all() or edge == 0
             assert edge == max(shape) or not within(edge + 1).all()
 

@@ -120,5 +120,3 @@ def test_a_ray_past_the_grid_has_no_voxel():
     direction = np.array([[1, 1, 0, 0], [0, 0, 0, -1], [0, 0, 1, 0]], np.float32)
     origin, direction = np.tile(origin, RAYS // 4), np.tile(direction, RAYS // 4)
     assert (np.asarray(_walked(origin, direction)[0]) == -1).all()
-
-
