@@ -50,7 +50,7 @@ def room(cells: int, views: int, random: np.random.Generator) -> Scene:
         low = random.integers(1, cells - 2, 3)
         high = low + random.integers(1, cells // 5, 3)
         points[tuple(slice(a, b) for a, b in zip(low, high, strict=True))] = 1
-    map = unknown_map(VoxelGrid(np.zeros(3), 1.0, points.shape))
+    map = unknown_map(VoxelGrid(np.zeros(3), 1.0, (cells, cells, cells)))
     map = eqx.tree_at(lambda m: (m.points, m.crossed), map, (points, points == 0))
     free = np.argwhere(points == 0)
     poses = np.tile(np.eye(4), (views, 1, 1))
@@ -101,9 +101,9 @@ def peer_rays(scene: Scene, views: int) -> PeerRays:
 
 def octree(map: LabelMap, whole: bool) -> Any:
     """An OctoMap of the map, a voxel a leaf, pruned; ``whole`` with the empty ones, too."""
-    import pyoctomap
+    from pyoctomap import OcTree
 
-    tree = pyoctomap.OcTree(1.0)
+    tree = OcTree(1.0)
     stops = map.labels != Label.EMPTY
     for index in np.argwhere(np.ones_like(stops) if whole else stops):
         tree.updateNode(index + 0.5, bool(stops[tuple(index)]), lazy_eval=True)

@@ -1,5 +1,7 @@
 """Views from anywhere a robot can go: five degrees of freedom in the empty, reachable part of a map (thesis §4.3.2)."""
 
+from typing import Any, cast
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -134,7 +136,8 @@ def free_space(
     empty = labels == Label.EMPTY
     empty[here] = True
     # beyond the map nothing is known to be in the way
-    room = ndimage.distance_transform_edt(np.pad(empty, 1, constant_values=map.open_outside))[1:-1, 1:-1, 1:-1]
+    room = np.asarray(ndimage.distance_transform_edt(np.pad(empty, 1, constant_values=map.open_outside)))
+    room = room[1:-1, 1:-1, 1:-1]
     wide = empty & (room * map.grid.cell > clearance)
     passable = wide
     if not wide[here]:
@@ -144,5 +147,5 @@ def free_space(
         close[tuple(slice(max(0, i - reach), i + reach + 1) for i in here)] = True
         passable = wide | (empty & close & (room >= room[here]))
         wide[here] = True
-    component, _ = ndimage.label(passable)
+    component = np.asarray(cast(Any, ndimage.label(passable))[0])
     return FreeSpace(map.grid, wide & (component == component[here]), low, high, lowest_deg, highest_deg)

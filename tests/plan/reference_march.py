@@ -78,7 +78,7 @@ class Evidence:
         self.outside = 0
 
     def add(self, grid, image, T, free_rays=(), reaches=()):
-        """A pinhole image from ``T`` (sensor to world); directions (sensor) that met nothing, and how far they reach."""
+        """A pinhole image from ``T`` (sensor to world); directions (sensor) that met nothing, and their reach."""
         R, t = T[:3, :3], T[:3, 3]
         behind = set()
         normal = normals(image)
