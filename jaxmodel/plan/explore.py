@@ -22,7 +22,7 @@ from jaxmodel.plan.utility import Utility
 from jaxmodel.scan.range_image import RangeImage
 from jaxmodel.scan.sensor import Sensor
 
-FAILURES = 2
+FAILURES = 3
 """Views in a row that may fail to be placed before the loop gives up."""
 
 

@@ -1,6 +1,7 @@
 """Views from anywhere a robot can go: five degrees of freedom in the empty, reachable part of a map (thesis §4.3.2)."""
 
 from collections.abc import Sequence
+from typing import Any, cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -142,13 +143,16 @@ def free_space(
     empty = labels == Label.EMPTY
     empty[here] = True
     # beyond the map nothing is known to be in the way
-    room = ndimage.distance_transform_edt(np.pad(empty, 1, constant_values=map.open_outside))[1:-1, 1:-1, 1:-1]
+    room = np.asarray(ndimage.distance_transform_edt(np.pad(empty, 1, constant_values=map.open_outside)))
+    room = room[1:-1, 1:-1, 1:-1]
     wide = empty & (room * map.grid.cell > clearance)
-    wide[here] = True
-    # a robot that stands close to something may still leave
-    close = np.zeros_like(empty)
-    reach = int(np.ceil(clearance / map.grid.cell)) + 1
-    close[tuple(slice(max(0, i - reach), i + reach + 1) for i in here)] = True
-    passable = wide | (empty & close)
-    component, _ = ndimage.label(passable)
+    passable = wide
+    if not wide[here]:
+        # a robot that stands too close to something may still leave, never closer than it stands
+        close = np.zeros_like(empty)
+        reach = int(np.ceil(clearance / map.grid.cell)) + 1
+        close[tuple(slice(max(0, i - reach), i + reach + 1) for i in here)] = True
+        passable = wide | (empty & close & (room >= room[here]))
+        wide[here] = True
+    component = np.asarray(cast(Any, ndimage.label(passable))[0])
     return FreeSpace(map.grid, wide & (component == component[here]), low, high, lowest_deg, highest_deg)

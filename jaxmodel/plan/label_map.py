@@ -70,7 +70,9 @@ class LabelMap(eqx.Module):
         along = np.stack([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         normal[plane] = self.behind[plane][:, None] * e - np.einsum("abn,nb->na", along, e)
         length = np.linalg.norm(normal, axis=-1, keepdims=True)
-        return np.where(length > 1e-6, normal / np.maximum(length, 1e-6), 0.0).astype(np.float32)
+        # a mean shorter than the rounding of its directions has none
+        least = np.where(plane, 2 / UNIT * self.behind, self.points)[..., None]
+        return np.where(length > least, normal / np.maximum(length, 1e-300), 0.0).astype(np.float32)
 
     def near(self) -> Float[np.ndarray, "x y z"]:
         """exp(-d / L) of each voxel, d its distance from the nearest one that holds readings; 1 without readings.

@@ -72,7 +72,7 @@ def image_rays(
     if sensor is not None:
         model = pixel_rays(sensor)
         origin, direction = model.origins.reshape(-1, 3), model.directions.reshape(-1, 3)
-        told = valid | ~binary_dilation(image.valid, iterations=RIM).reshape(-1)
+        told = valid | ~np.asarray(binary_dilation(image.valid, iterations=RIM), bool).reshape(-1)
         reach = np.inf if sensor.maximum_range is None else sensor.maximum_range
     else:
         origin = np.zeros_like(points) if pinhole else points + image.eye[:3] * np.abs(points).max(initial=1.0) * 4
@@ -102,7 +102,8 @@ def _evidence(shape: tuple[int, int, int]) -> Any:
     size = int(np.prod(shape))
 
     def evidence(rays: Rays) -> jax.Array:
-        ray = mirrored_ray(rays.origin, rays.direction, shape)
+        (ox, oy, oz), (dx, dy, dz) = rays.origin, rays.direction
+        ray = mirrored_ray((ox, oy, oz), (dx, dy, dz), shape)
         place, meets = enter(ray, shape)
 
         def body(state):

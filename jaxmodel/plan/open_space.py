@@ -29,7 +29,7 @@ class Space(eqx.Module):
     0 to 1), by the voxel's key.
     """
 
-    code: Int[jax.Array, " 8*k"]
+    code: Int[jax.Array, " eight_k"]
     normal: Float[jax.Array, "3 k"]
     near: Float[jax.Array, " k"]
     shape: tuple[int, int, int] = eqx.field(static=True)

@@ -6,7 +6,7 @@ one step. Poses are items of the lane engine; the rays of one pose step together
 these go on in smaller and smaller company. The state of a ray is one whole number, so that a step is one fused loop.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -43,6 +43,12 @@ REACH = 0.25
 """Distance, in the map's longest edge, from which on a ray promises as much as any."""
 COMPANY = 4
 """Once fewer than one ray in so many still walks, those are gathered; again among these."""
+FEWEST = 64
+"""Rays that are not worth gathering once more."""
+TOGETHER = 8192
+"""Rays of the views that one item holds: enough that a step costs more than the loop around it."""
+AT_ONCE = 2
+"""Steps between two counts of those that walk: with few rays, counting and looping cost as much as walking."""
 
 
 class Seen(NamedTuple):
@@ -86,7 +92,7 @@ class Seen(NamedTuple):
 
 
 class March(Kernel):
-    """The rays of a sensor through a label map; an item is a pose ``(4, 4)`` from sensor to cells."""
+    """The rays of a sensor through a label map; an item is a group of poses ``(g, 4, 4)`` from sensor to cells."""
 
     space: Space
     origins: Float[jax.Array, "3 r"]
@@ -103,7 +109,7 @@ class March(Kernel):
 
     def init(self, item):
         direction = self._turned(item, self.directions)
-        origin = [along + item[axis, 3] for axis, along in enumerate(self._turned(item, self.origins))]
+        origin = [along + item[:, axis, 3, None] for axis, along in enumerate(self._turned(item, self.origins))]
         ray = mirrored_ray((origin[0], origin[1], origin[2]), direction, self.space.shape)
         place, meets = enter(ray, self.space.shape)
         return ray, direction, _packed(place.index, meets & (place.entered <= self.farthest))
@@ -113,11 +119,11 @@ class March(Kernel):
         return ray, direction, self._next(ray, packed)
 
     def done(self, state):
-        return _walking(state[2]) <= self.origins.shape[1] // COMPANY
+        return _walking(state[2]) <= state[2].size // COMPANY
 
     def finish(self, state):
         ray, direction, packed = state
-        packed = self._to_the_end(ray, packed, self.origins.shape[1] // COMPANY)
+        packed = self._all_to_the_end(ray, packed)
         index = _index(packed)
         label = jnp.where(packed >= 0, -self._code(ray, index), NOTHING)
         entered = last_crossing(ray, index)
@@ -131,12 +137,22 @@ class March(Kernel):
         promise = self.space.near[key] * far * far
         if self.distinct:
             key = jnp.where(label < NOTHING, key, self.space.normal.shape[1])
-            order = jnp.argsort(key)
-            label, key, cosine, promise = label[order], key[order], cosine[order], promise[order]
-            label = jnp.where(jnp.concatenate([jnp.ones(1, bool), key[1:] != key[:-1]]), label, NOTHING)
-        chosen = label == jnp.arange(LABELS)[:, None]
-        summed = lambda values: jnp.sum(jnp.where(chosen, values, 0), axis=1)  # noqa: E731
-        return jnp.sum(chosen, axis=1), summed(cosine), summed(promise)
+            order = jnp.argsort(key, axis=1)
+            label, key, cosine, promise = (
+                jnp.take_along_axis(row, order, axis=1) for row in (label, key, cosine, promise)
+            )
+            first = jnp.concatenate([jnp.ones_like(key[:, :1], bool), key[:, 1:] != key[:, :-1]], axis=1)
+            label = jnp.where(first, label, NOTHING)
+        bins = jnp.zeros((len(label), LABELS + 1))
+        view = jnp.arange(len(label))[:, None]
+        counts = bins.astype(jnp.int32).at[view, label].add(1, mode="promise_in_bounds")
+        summed = lambda values: bins.at[view, label].add(values, mode="promise_in_bounds")[:, :LABELS]  # noqa: E731
+        return counts[:, :LABELS], summed(cosine), summed(promise)
+
+    def _all_to_the_end(self, ray: Ray, packed: Int[jax.Array, "g r"]) -> Int[jax.Array, "g r"]:
+        """The states of all rays when the last has ended."""
+        flat = jax.tree.map(lambda row: row.reshape(-1), ray)
+        return self._to_the_end(flat, packed.reshape(-1), packed.size // COMPANY).reshape(packed.shape)
 
     def _to_the_end(self, ray: Ray, packed: Int[jax.Array, " r"], few: int) -> Int[jax.Array, " r"]:
         """The states when the ``few`` rays that still walk have ended, by gathering them."""
@@ -148,11 +164,17 @@ class March(Kernel):
         chosen = jnp.full(few, rays, jnp.int32).at[place].set(jnp.arange(rays, dtype=jnp.int32), mode="drop")
         some = jax.tree.map(lambda row: row[jnp.minimum(chosen, rays - 1)], ray)
         left = jnp.where(chosen < rays, packed[jnp.minimum(chosen, rays - 1)], GONE)
-        fewer = few // COMPANY if few >= 64 else 0
-        left = jax.lax.while_loop(lambda s: _walking(s) > fewer, lambda s: self._next(some, s), left)
+        fewer = few // COMPANY if few >= FEWEST * COMPANY else 0
+
+        def steps(left: Int[jax.Array, " r"]) -> Int[jax.Array, " r"]:
+            for _ in range(AT_ONCE):
+                left = self._next(some, left)
+            return left
+
+        left = jax.lax.while_loop(lambda left: _walking(left) > fewer, steps, left)
         return packed.at[chosen].set(self._to_the_end(some, left, fewer), mode="drop")
 
-    def _next(self, ray: Ray, packed: Int[jax.Array, " r"]) -> Int[jax.Array, " r"]:
+    def _next(self, ray: Ray, packed: Int[jax.Array, "*r"]) -> Int[jax.Array, "*r"]:
         """One step of the rays that walk."""
         index = _index(packed)
         code = self._code(ray, index)
@@ -161,7 +183,7 @@ class March(Kernel):
         on = jnp.where(code > 0, _packed(following.index, on), packed | STOPPED)
         return jnp.where(_is_walking(packed), on, packed)
 
-    def _code(self, ray: Ray, index: Rows) -> Int[jax.Array, " r"]:
+    def _code(self, ray: Ray, index: Rows) -> Int[jax.Array, "*r"]:
         """``space.code`` of mirrored voxels of the map."""
         nx, ny, nz = self.space.shape
         x, y, z = (along.astype(jnp.int32) for along in index)
@@ -170,25 +192,26 @@ class March(Kernel):
 
     def _turned(self, item, rows: Float[jax.Array, "3 r"]) -> Rows:
         """Directions of the sensor in the map."""
-        x, y, z = (sum(item[axis, k] * rows[k] for k in range(3)) for axis in range(3))
+        u, v, w = rows
+        x, y, z = (item[:, a, 0, None] * u + item[:, a, 1, None] * v + item[:, a, 2, None] * w for a in range(3))
         return x, y, z
 
 
-def _packed(index: Rows, on: Bool[jax.Array, " r"]) -> Int[jax.Array, " r"]:
+def _packed(index: Rows, on: Bool[jax.Array, "*r"]) -> Int[jax.Array, "*r"]:
     x, y, z = (along.astype(jnp.int32) for along in index)
     return jnp.where(on, x | (y << BITS) | (z << 2 * BITS), jnp.int32(GONE))
 
 
-def _index(packed: Int[jax.Array, " r"]) -> Rows:
+def _index(packed: Int[jax.Array, "*r"]) -> Rows:
     x, y, z = (((packed >> shift) & ((1 << BITS) - 1)).astype(jnp.float32) for shift in (0, BITS, 2 * BITS))
     return x, y, z
 
 
-def _is_walking(packed: Int[jax.Array, " r"]) -> Bool[jax.Array, " r"]:
+def _is_walking(packed: Int[jax.Array, "*r"]) -> Bool[jax.Array, "*r"]:
     return (packed >= 0) & (packed < STOPPED)
 
 
-def _walking(packed: Int[jax.Array, " r"]) -> Int[jax.Array, ""]:
+def _walking(packed: Int[jax.Array, "*r"]) -> Int[jax.Array, ""]:
     return jnp.sum(_is_walking(packed))
 
 
@@ -220,8 +243,19 @@ def look(
         none = np.zeros((0, LABELS), np.float32)
         return Seen(np.zeros((0, LABELS), np.int32), none, none, sensor.width * sensor.height)
     kernel = march_kernel(map, sensor, ready(map) if space is None else space, distinct)
-    counts, cosines, promise = run(kernel, items, Engine(chunk=1024, lanes=64) if engine is None else engine)
+    counts, cosines, promise = run_views(kernel, items, engine)
     return Seen(counts, cosines, promise, sensor.width * sensor.height)
+
+
+def run_views(kernel: March, items: Float[np.ndarray, "v 4 4"], engine: Engine | None = None) -> Any:
+    """The kernel's results, one row a view; views are marched in groups of about ``TOGETHER`` rays."""
+    group = max(1, TOGETHER // kernel.origins.shape[1])
+    # a few views are not worth a group of copies
+    group = group if len(items) >= 2 * group else 1
+    lacking = -len(items) % group
+    groups = np.concatenate([items, np.repeat(items[:1], lacking, axis=0)]).reshape(-1, group, 4, 4)
+    found = run(kernel, groups, Engine(chunk=max(1, 1024 // group), lanes=16) if engine is None else engine)
+    return jax.tree.map(lambda array: array.reshape(-1, *array.shape[2:])[: len(items)], found)
 
 
 def ready(map: LabelMap) -> Space:
@@ -232,6 +266,8 @@ def ready(map: LabelMap) -> Space:
 
 def march_kernel(map: LabelMap, sensor: Sensor, space: Space, distinct: bool = False, keep_rays: bool = False) -> March:
     """The kernel of one sensor in one map, lengths in cells."""
+    if max(space.shape) >= 1 << BITS:
+        raise InputError(f"Rays march through maps of at most {(1 << BITS) - 1} voxels an edge, not {space.shape}.")
     rays = pixel_rays(sensor)
     row = lambda array: jnp.asarray(array.reshape(-1, 3).T, jnp.float32)  # noqa: E731
     low, high = sensor.minimum_range or 0.0, np.inf if sensor.maximum_range is None else sensor.maximum_range
