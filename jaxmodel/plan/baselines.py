@@ -4,7 +4,7 @@ Random views, views as far as possible from those taken, and the area factor, wh
 """
 
 from collections.abc import Sequence
-from typing import Any, Literal, get_args
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -16,11 +16,11 @@ from jaxmodel.plan.ray_march import ready
 from jaxmodel.plan.utility import Utility
 from jaxmodel.scan.sensor import Sensor
 
-Baseline = Literal["random", "uniform", "area_factor"]
+BASELINES = ("random", "uniform", "area_factor")
 
 
 def baseline_view(
-    kind: Baseline,
+    kind: str,
     map: LabelMap,
     sensor: Sensor,
     space: Any,
@@ -34,8 +34,8 @@ def baseline_view(
     38, 1985); ``area_factor``: most rays on unknown voxels and occlusion planes, whatever their angle (the visibility
     criterion of Massios and Fisher, BMVC 1998). All are held to ``search.minimum_overlap``.
     """
-    if kind not in get_args(Baseline):
-        raise InputError(f"There is no planner {kind!r}; there are {', '.join(get_args(Baseline))}.")
+    if kind not in BASELINES:
+        raise InputError(f"There is no planner {kind!r}; there are {', '.join(BASELINES)}.")
     scorer = Scorer(map, ready(map), planning_sensor(sensor, search.rays), space, Utility(), 0.0, None, ())
     found = scorer(space.spread(search.views, search.seed))
     if len(found.value) == 0:

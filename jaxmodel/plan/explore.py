@@ -155,7 +155,7 @@ def known(map: LabelMap) -> int:
 def planned_view(
     map: LabelMap, views_at: Callable, way: Way, loop: Loop, search: Search, choose: Chooser
 ) -> tuple[View, int]:
-    """The next view and how many views the robot goes back for it: near the last pose, near an earlier one, anywhere."""
+    """The next view, near the last pose, near an earlier one or anywhere, and how many views the robot goes back."""
     space = views_at(map, way.poses[-1])
     if loop.stride is not None and isinstance(space, FreeSpace):
         here, tried = way.poses[-1][:3, 3], []

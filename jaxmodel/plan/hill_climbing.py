@@ -44,6 +44,8 @@ def hill_climbing(
     rows = np.concatenate([[nearest], random.choice(len(starts), POSITIONS - 1, replace=False)])
     top = scorer(starts[rows])
     count = len(top.value)
+    if count == 0:
+        return _none(ViewOutcome.NO_REACHABLE_VIEW, space.dimension, weights)
     for _ in range(MOST_STEPS):
         around = space.spacing(POSITIONS * ORIENTATIONS) * random.normal(size=(ORIENTATIONS, space.dimension))
         tried = scorer((top.parameters[:, None] + around).reshape(-1, space.dimension))

@@ -82,7 +82,7 @@ class LabelMap(eqx.Module):
         """
         if not self.points.any():
             return np.ones(self.grid.shape, np.float32)
-        away = distance_transform_edt(self.points == 0)
+        away = np.asarray(distance_transform_edt(self.points == 0))
         return np.exp(-away / (NEAR * max(self.grid.shape))).astype(np.float32)
 
     def label_at(self, points_world: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, " n"]:

@@ -85,7 +85,7 @@ class View(NamedTuple):
 
 
 class Scores(NamedTuple):
-    """Exact scores of many views, by view: ``value`` is the utility less repeats and travel, ``able`` what the constraints allow."""
+    """Exact scores of many views, by view: ``value`` is the utility less repeats and travel."""
 
     parameters: Float[np.ndarray, "n d"]
     poses: Float[np.ndarray, "n 4 4"]
@@ -148,11 +148,12 @@ def next_view(
 ) -> View:
     """The best view of a :class:`jaxmodel.plan.viewpoints.ViewSpace` for a map and a sensor.
 
-    ``current`` pose ``T_world_sensor``, for travel; ``taken``: poses so far, not to be repeated. No reachable view, nothing left to see or too little overlap are
-    outcomes, not errors.
+    ``current`` pose ``T_world_sensor``, for travel; ``taken``: poses so far, not to be repeated. No reachable view,
+    nothing left to see or too little overlap are outcomes, not errors.
     """
     eye = None if current is None else np.asarray(current, np.float64)[:3, 3]
-    scorer = Scorer(map, ready(map), planning_sensor(sensor, search.rays), space, weights, search.travel, eye, tuple(taken))
+    seen_by = planning_sensor(sensor, search.rays)
+    scorer = Scorer(map, ready(map), seen_by, space, weights, search.travel, eye, tuple(taken))
     parts = [space.spread(search.views, search.seed)]
     if search.spiral:
         parts.append(space.spiral(search.spiral))
@@ -211,7 +212,7 @@ def leaders(scores: Scores, count: int, apart: Float[np.ndarray, " d"], least_ov
 
 
 def refined(scorer: Scorer, few: Scores, search: Search, least_overlap: float) -> tuple[Scores, int]:
-    """Each of a few views moved to the best of a shrinking pattern around it, by exact scores; and how many were made."""
+    """Each of a few views moved to the best of a shrinking pattern around it, and how many scores that took."""
     random = np.random.default_rng(search.seed + 1)
     scale = scorer.views.spacing(search.views)
     scored = 0

@@ -90,7 +90,7 @@ def soft_space_of(labels: Int[np.ndarray, "x y z"], normals: Float[np.ndarray, "
     if clear.all():
         distance = np.full(cells.shape, FARTHEST)
     else:
-        distance = np.minimum(distance_transform_cdt(clear, metric="chessboard"), FARTHEST)
+        distance = np.minimum(np.asarray(distance_transform_cdt(clear, metric="chessboard")), FARTHEST)
     cells = np.where(clear, -distance, cells).astype(np.int32)
     whole = np.pad(np.rint(normals * UNIT).astype(np.int32) + 512, ((1, 1),) * 3 + ((0, 0),), constant_values=512)
     packed = whole[..., 0] | whole[..., 1] << 10 | whole[..., 2] << 20

@@ -8,9 +8,9 @@ import pytest
 from scipy.spatial import KDTree
 
 from jaxmodel.errors import InputError
-from jaxmodel.plan.baselines import ObservationSphere, uniform_views
 from jaxmodel.plan.coverage import CoverageCurve, coverage, exposed, greedy_views, reachable, visible
 from jaxmodel.plan.surface_samples import sample_surface
+from jaxmodel.plan.viewpoints import ObservationSphere
 from jaxmodel.scan.objects import object_mesh
 from jaxmodel.scan.rooms import cube_room
 from jaxmodel.scan.sensor import Sensor
@@ -21,6 +21,12 @@ KEY = jax.random.key(0)
 WIDE = Sensor(100, 100, field_of_view_deg=70.0)
 AXES = np.concatenate([np.eye(3), -np.eye(3)])
 FROM_SIX_SIDES = np.stack([look_at(3 * axis, np.zeros(3)) for axis in AXES])
+
+
+def uniform_views(sphere: ObservationSphere, count: int) -> np.ndarray:
+    return sphere.poses(sphere.spread(count))
+
+
 SPHERE = ObservationSphere(np.zeros(3), 2.2)
 
 

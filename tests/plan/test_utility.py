@@ -7,7 +7,7 @@ import pytest
 
 from jaxmodel.errors import InputError
 from jaxmodel.plan.labels import LABELS, Label
-from jaxmodel.plan.utility import Utility, preference
+from jaxmodel.plan.utility import THESIS, Utility, preference
 
 ALPHAS = np.array([0.001, 0.05, 0.2, 0.375, 0.5, 0.9])
 
@@ -57,7 +57,20 @@ def test_the_sum_of_equation_4_9() -> None:
         + f(Label.UNKNOWN, 0.375)
         + quality[:, Label.BORDER] * f(Label.BORDER, 0.05)
     )
-    np.testing.assert_allclose(Utility()(shares, quality), expected, rtol=1e-5)
+    np.testing.assert_allclose(THESIS(shares, quality), expected, rtol=1e-5)
+    np.testing.assert_allclose(THESIS(shares, quality, random.random((20, LABELS))), expected, rtol=1e-5)
+
+
+def test_what_is_unseen_counts_by_its_promise_and_what_is_known_little() -> None:
+    random = np.random.default_rng(1)
+    shares, quality, promise = random.dirichlet(np.ones(LABELS), 20), *random.random((2, 20, LABELS))
+    ours, theirs = (np.asarray(of.terms(shares, quality, promise)) for of in (Utility(), THESIS))
+    for label in (Label.UNKNOWN, Label.OCCLUSION_PLANE):
+        K = quality[:, label] if label == Label.OCCLUSION_PLANE else 1.0
+        np.testing.assert_allclose(ours[:, label] * K, theirs[:, label] * promise[:, label], rtol=1e-5)
+    for label in (Label.OCCUPIED, Label.BORDER):
+        np.testing.assert_allclose(ours[:, label], 0.1 * theirs[:, label], rtol=1e-5)
+    assert (ours[:, [Label.EMPTY, Label.OCCLUDED]] == 0).all()
 
 
 def test_weights_are_traced() -> None:
@@ -77,22 +90,27 @@ def test_fixed_shares_die_and_scheduled_ones_do_not() -> None:
     """With one ray in a hundred on the unknown, the fixed curve hardly tells views apart; the scheduled one does."""
     shares = np.zeros((2, LABELS))
     shares[:, Label.UNKNOWN] = 0.005, 0.01
-    fixed = np.asarray(Utility().terms(shares, shares))[:, Label.UNKNOWN]
-    scheduled = np.asarray(Utility().attainable(shares.max(axis=0)).terms(shares, shares))[:, Label.UNKNOWN]
+    fixed = np.asarray(THESIS.attainable(shares).terms(shares, shares))[:, Label.UNKNOWN]
+    scheduled = np.asarray(Utility().attainable(shares).terms(shares, shares))[:, Label.UNKNOWN]
     assert np.ptp(fixed) < 0.003
     assert np.ptp(scheduled) == pytest.approx(0.5, abs=1e-4)
     assert scheduled.max() == pytest.approx(1, abs=1e-5)
 
 
-def test_a_schedule_never_asks_for_more_than_the_nominal_share() -> None:
-    whole = Utility().attainable(np.ones(LABELS))
-    assert [float(getattr(whole, name)) for name in ("occupied", "occlusion_plane", "unknown", "border")] == [
-        0.2,
-        0.375,
-        0.375,
-        0.05,
-    ]
-    nothing = Utility().attainable(np.zeros(LABELS))
+def test_a_schedule_rises_with_what_is_unseen_and_keeps_the_thesis_s_shares_of_what_is_known() -> None:
+    random = np.random.default_rng(2)
+    shares = random.dirichlet(np.ones(LABELS), 50)
+    found = Utility().attainable(shares)
+    assert found.unknown == found.occlusion_plane
+    assert found.unknown == pytest.approx((shares[:, Label.UNKNOWN] + shares[:, Label.OCCLUSION_PLANE]).max())
+    assert (found.occupied, found.border) == (0.2, 0.05)
+    assert THESIS.attainable(shares) is THESIS
+    more = shares.copy()
+    more[:, Label.UNKNOWN] += 0.5 * more[:, Label.EMPTY]
+    assert (np.asarray(found.terms(shares, shares)) <= np.asarray(found.terms(more, shares)) + 1e-6)[:, Label.UNKNOWN][
+        more[:, Label.UNKNOWN] <= found.unknown
+    ].all()
+    nothing = Utility().attainable(np.zeros((3, LABELS)))
     assert np.isfinite(nothing(np.zeros(LABELS), np.zeros(LABELS)))
 
 
@@ -100,3 +118,9 @@ def test_a_schedule_never_asks_for_more_than_the_nominal_share() -> None:
 def test_a_nominal_share_must_lie_between_0_and_1(value: float) -> None:
     with pytest.raises(InputError, match=r"utility\.unknown: expected a share between 0 and 1"):
         Utility(unknown=value)
+
+
+@pytest.mark.parametrize("name", ["known", "repeat"])
+def test_a_weight_is_zero_or_more(name: str) -> None:
+    with pytest.raises(InputError, match=rf"utility\.{name}: expected a weight of zero or more"):
+        Utility(known=-0.1) if name == "known" else Utility(repeat=-0.1)

@@ -65,7 +65,7 @@ def charts(summary: Mapping[str, Any], rows: polars.DataFrame) -> list[Chart]:
     shares = [Series(name.replace("_", " "), number, first[name].to_list()) for name in labels]
     return [
         Chart("coverage", "Coverage of the reachable surface", [Panel("all runs", "views", "share seen", cover)]),
-        Chart("labels", "Labels of the map", [Panel(summary["runs"][0]["planner"], "views", "share of voxels", shares)]),
+        Chart("labels", "Labels of the map", [Panel("the first planner", "views", "share of voxels", shares)]),
         Chart("utility", "Utility of the view taken (Fig. 4.7)", [Panel("all runs", "views", "utility", worth)]),
     ]
 

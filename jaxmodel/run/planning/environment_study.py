@@ -1,4 +1,4 @@
-"""The experiment ``next_view_environment``: a cube seen from one point, and two rooms explored (Figs 4.5-4.8, 4.10, 4.11).
+"""The experiment ``next_view_environment``: a cube from one point, two rooms explored (Figs 4.5-4.8, 4.10, 4.11).
 
 The sensor starts knowing nothing. In the cube it pans and tilts, in the rooms it moves with five degrees of freedom
 through what it has found empty, first with coarse voxels, then with finer ones.
@@ -7,6 +7,7 @@ through what it has found empty, first with coarse voxels, then with finer ones.
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any, Literal, NamedTuple
 
 import jax
@@ -143,7 +144,8 @@ def environment_run(scene: EnvironmentScene, planner: str, config: Config) -> It
         begun = len(taken)
         scan = lambda T, k, begun=begun: scene.scan(T, keys[begun + k])  # noqa: E731
         for step in explore(scan, map, scene.sensor, scene.views_at, T, config.loop, config.search, choose):
-            curve = curve.after(visible(scene.samples, scene.environment.mesh, step.T_world_sensor[None], scene.sensor)[0])
+            pose = step.T_world_sensor[None]
+            curve = curve.after(visible(scene.samples, scene.environment.mesh, pose, scene.sensor)[0])
             taken.append(step)
             T = step.T_world_sensor
             yield Seen(number, step, curve.shares[-1])
@@ -192,10 +194,10 @@ def _summarised(table: polars.DataFrame) -> dict[str, Any]:
         "views_by_pass": table.group_by("pass", maintain_order=True).len()["len"].to_list(),
         "ending": table["ending"][-1],
         "complete": table["ending"][-1] in (Ending.NOTHING_NEW.name.lower(), Ending.LITTLE_GAIN.name.lower()),
-        "changes": sum(one != other for one, other in zip(rooms, rooms[1:], strict=False)),
+        "changes": sum(one != other for one, other in pairwise(rooms)),
         "way": float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum()),
         "back": int((table["back"] > 0).sum()),
         "unknown": float(table["unknown"][-1]),
         "utility": table["utility"].to_list(),
-        "seconds_a_view": float(table["seconds"].median() or 0.0),
+        "seconds_a_view": float(np.median(table["seconds"].to_numpy())),
     }

@@ -82,8 +82,7 @@ def chooser(planner: str, scene: ObjectScene) -> Chooser:
     """How the next view is chosen."""
     if planner == "utility":
         return by_utility(scene.sensor)
-    kind: Any = planner
-    return lambda map, space, search, taken: baseline_view(kind, map, scene.sensor, space, taken, search)
+    return lambda map, space, search, taken: baseline_view(planner, map, scene.sensor, space, taken, search)
 
 
 def row_of(seen: Seen) -> dict[str, Any]:

@@ -99,5 +99,5 @@ def object_scene(name: str, mesh: ObjectMesh, options: SceneOptions) -> ObjectSc
     samples = sample_surface(mesh, jax.random.key(0), options.samples)
     seen = reachable(samples, mesh, sphere.poses(sphere.spread(options.reaching)), sensor)
     if not seen.any():
-        raise InputError(f"{name}: no view of the observation sphere sees any of its surface within the sensor's range.")
+        raise InputError(f"{name}: no view of the observation sphere sees any of it within the sensor's range.")
     return ObjectScene(name, mesh, size, sensor, sphere, object_map(centre, size, options.cells), samples, seen)

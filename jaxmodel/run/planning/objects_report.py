@@ -79,7 +79,8 @@ def _registrations(summary: Mapping[str, Any]) -> Table:
 
 
 def _planners(summary: Mapping[str, Any], command: str) -> Table:
-    columns = ("planner", "runs", f"after {FEW} views: mean (worst)", f"after {MANY}", f"area under the curve, {FEW} views",
+    columns = ("planner", "runs", f"after {FEW} views: mean (worst)", f"after {MANY}",
+               f"area under the curve, {FEW} views",
                f"{MANY} views", "views taken", "seconds a view")  # fmt: skip
     rows = []
     for of in summary["planners"]:
@@ -141,8 +142,7 @@ def draw(folder: RunDir, summary: Mapping[str, Any]) -> list[str]:
     for name, of in summary["objects"].items():
         if not of["watertight"]:
             about[f"note, {name}"] = "the mesh is open: it can be seen into, only its outer sides count as seen"
-    page = render_report(
-        "Next best views of objects (thesis §4.5)", about, tables(summary, manifest["command"]), [*drawn_charts, *sections]
-    )
+    shown = tables(summary, manifest["command"])
+    page = render_report("Next best views of objects (thesis §4.5)", about, shown, [*drawn_charts, *sections])
     folder.write("report.html", page.encode())
     return written

@@ -2,7 +2,7 @@
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from jaxmodel.io.results import RunDir
 from jaxmodel.plan.coverage import visible
@@ -32,7 +32,8 @@ def voxel_mesh(map: LabelMap, labels: tuple[Label, ...] = tuple(LABEL_COLOURS)) 
     for (axis, direction), side in _SIDES.items():
         moved = np.zeros_like(shown)
         here, there = [slice(None)] * 3, [slice(None)] * 3
-        here[axis], there[axis] = (slice(1, None), slice(None, -1)) if direction < 0 else (slice(None, -1), slice(1, None))
+        later, earlier = slice(1, None), slice(None, -1)
+        here[axis], there[axis] = (later, earlier) if direction < 0 else (earlier, later)
         moved[tuple(here)] = shown[tuple(there)]
         index = np.argwhere(shown & ~moved)
         corners.append(index[:, None] + _CORNERS[list(side)])
@@ -42,21 +43,24 @@ def voxel_mesh(map: LabelMap, labels: tuple[Label, ...] = tuple(LABEL_COLOURS)) 
         colours.append(table[of[tuple(index.T)]])
     quads = np.concatenate(corners).reshape(-1, 3) * map.grid.cell + map.grid.origin
     first = 4 * np.arange(len(quads) // 4)[:, None]
-    faces = np.stack([first + [0, 1, 2], first + [0, 2, 3]], axis=1).reshape(-1, 3)
+    faces = np.stack([first + np.array([0, 1, 2]), first + np.array([0, 2, 3])], axis=1).reshape(-1, 3)
     return Drawn(quads, faces, np.repeat(np.concatenate(colours), 2, axis=0))
 
 
 def first_seen(
-    vertices: Float[np.ndarray, "n 3"], faces: Int[np.ndarray, "m 3"], samples: SurfaceSamples, seen: Bool[np.ndarray, "v s"]
+    vertices: Float[np.ndarray, "n 3"],
+    faces: Int[np.ndarray, "m 3"],
+    samples: SurfaceSamples,
+    seen: Bool[np.ndarray, "v s"],
 ) -> Drawn:
-    """The object, each triangle in the colour of the view (row of ``seen``) that first saw a sample on it, else grey."""
+    """The object, each triangle in the colour of the view (row of ``seen``) that first saw it, else grey."""
     first = np.where(seen.any(axis=0), seen.argmax(axis=0), len(seen))
     of_face = np.full(len(faces), len(seen))
     np.minimum.at(of_face, samples.faces, first)
     # a small triangle may hold no sample: the nearest sample speaks for it
     bare = np.setdiff1d(np.arange(len(faces)), samples.faces)
     if len(bare):
-        of_face[bare] = first[cKDTree(samples.points).query(vertices[faces[bare]].mean(axis=1))[1]]
+        of_face[bare] = first[KDTree(samples.points).query(vertices[faces[bare]].mean(axis=1))[1]]
     colours = np.concatenate([number_colours(np.arange(len(seen))), np.array([GREY], np.uint8)])
     return Drawn(vertices, faces, colours[of_face])
 
@@ -81,4 +85,5 @@ def keep_run(folder: RunDir, name: str, scene: ObjectScene, steps: list[Step]) -
     seen = visible(scene.samples, scene.mesh, poses, scene.sensor)
     vertices, faces = np.asarray(scene.mesh.vertices, np.float64), np.asarray(scene.mesh.faces, np.int64)
     surface = first_seen(vertices, faces, scene.samples, seen)
-    keep(folder, name, surface=surface, views=with_sensors(surface, poses, scene.size / 8), map=voxel_mesh(steps[-1].map))
+    views, voxels = with_sensors(surface, poses, scene.size / 8), voxel_mesh(steps[-1].map)
+    keep(folder, name, surface=surface, views=views, map=voxels)

@@ -33,7 +33,7 @@ def summarised(table: polars.DataFrame, views: int) -> dict[str, Any]:
                 "useless": _useless(curve),
                 "error_deg": _largest(rows["error_deg"]),
                 "error_shift": _largest(rows["error_shift"]),
-                "seconds_a_view": float(rows["seconds"][1:].median() or 0.0) if len(rows) > 1 else 0.0,
+                "seconds_a_view": float(np.median(rows["seconds"].to_numpy()[1:])) if len(rows) > 1 else 0.0,
             }
         )
     planners = []
