@@ -25,8 +25,8 @@ class Space(eqx.Module):
 
     ``code``: minus the label of a voxel that stops a ray, else the edge (in voxels) of the empty cube ahead. One table
     an octant, that of ``4 fx + 2 fy + fz`` where f says that rays fall along the axis, in mirrored coordinates (indices
-    counted along the ray). ``normal`` of each voxel or zero, one row an axis, and ``near``, from 0 to 1 how near it is to
-    known surface, by the voxel's key.
+    counted along the ray). ``normal`` of each voxel or zero, one row an axis, and ``near``, from 0 to 1 how near it is
+    to known surface, by the voxel's key.
     """
 
     code: Int[jax.Array, " eight_k"]

@@ -58,7 +58,8 @@ def charts(summary: Mapping[str, Any], rows: polars.DataFrame) -> list[Chart]:
     for run in summary["runs"]:
         number = list(range(1, run["views"] + 1))
         cover.append(Series(run["planner"], number, run["coverage"]))
-        worth.append(Series(run["planner"], number, run["utility"]))
+        known = [float("nan") if of is None else of for of in run["utility"]]
+        worth.append(Series(run["planner"], number, known))
     first = rows.filter(polars.col("planner") == summary["runs"][0]["planner"])
     number = list(range(1, len(first) + 1))
     labels = ("unknown", "occluded", "occlusion_plane", "occupied", "border")

@@ -72,6 +72,7 @@ class EnvironmentStudy(Prepared):
 
     def __init__(self, config: Config) -> None:
         self.config = config
+        self.scene = environment_scene(config.environment, config.place)
         self.inputs: dict[str, str] = {}
         self.resolved = unstructure(config)
         self.bytes_needed = 50_000_000
@@ -79,7 +80,7 @@ class EnvironmentStudy(Prepared):
     def execute(self, folder: RunDir, progress: Progress) -> dict[str, Any]:
         """Make the runs that are not yet made, write the table, the pictures and ``summary.json``."""
         begun, config = time.perf_counter(), self.config
-        scene = environment_scene(config.environment, config.place)
+        scene = self.scene
         progress.begin("views", len(config.planners) * len(config.voxels) * config.loop.views)
         parts = []
         for number, planner in enumerate(config.planners):

@@ -84,7 +84,7 @@ class ObjectsStudy(Prepared):
 
     def __init__(self, config: Config) -> None:
         self.config = config
-        self.meshes = {name: _mesh(name) for name in config.objects}
+        self.scenes = {name: object_scene(name, _mesh(name), config.scene) for name in config.objects}
         self.inputs = hash_files(object_files(config.objects))
         self.resolved = unstructure(config)
         self.bytes_needed = 50_000_000
@@ -93,10 +93,9 @@ class ObjectsStudy(Prepared):
         """Make the runs that are not yet made, write the table, the pictures and ``summary.json``."""
         begun, config = time.perf_counter(), self.config
         cases = list(_cases(config))
-        progress.begin("views", len(self.meshes) * len(cases) * config.loop.views)
+        progress.begin("views", len(self.scenes) * len(cases) * config.loop.views)
         rows, reachable = [], {}
-        for place, (name, mesh) in enumerate(self.meshes.items()):
-            scene = object_scene(name, mesh, config.scene)
+        for place, (name, scene) in enumerate(self.scenes.items()):
             reachable[name] = float(scene.samples.weights[scene.reachable].sum() / scene.samples.weights.sum())
             for number, case in enumerate(cases):
                 key = f"object{place:03d}case{number:04d}"
@@ -111,8 +110,12 @@ class ObjectsStudy(Prepared):
         summary: dict[str, Any] = {
             "experiment": "next_view_objects",
             "objects": {
-                name: {"watertight": is_watertight(mesh), "reachable": reachable[name], "triangles": len(mesh.faces)}
-                for name, mesh in self.meshes.items()
+                name: {
+                    "watertight": is_watertight(scene.mesh),
+                    "reachable": reachable[name],
+                    "triangles": len(scene.mesh.faces),
+                }
+                for name, scene in self.scenes.items()
             },
             "views": config.loop.views,
             **summarised(table, config.loop.views),
