@@ -51,10 +51,17 @@ def test_every_run_sees_more_view_by_view(folder: Path) -> None:
         assert (np.diff(curve) >= 0).all() and 0 < curve[0] < curve[-1] <= 1
     assert runs["utility", False]["coverage"][-1] > 0.7
     assert runs["utility", False]["coverage"][-1] > runs["random", False]["coverage"][-1]
-    # every view but the first is placed again, well inside of where it started
-    placed = table(folder / "run").filter(polars.col("registered") & (polars.col("view") > 0))
-    assert placed["placed"].all() and (placed["error_deg"] < 0.5 * placed["start_deg"]).all()
-    assert placed["start_deg"].to_numpy() == pytest.approx(2.0, abs=1e-6)
+
+
+def test_views_are_placed_from_where_they_start_or_left_out(folder: Path) -> None:
+    views = table(folder / "run").filter(polars.col("registered"))
+    tried = views.filter(polars.col("view") > 0)
+    assert tried["start_deg"].to_numpy() == pytest.approx(2.0, abs=1e-6)
+    placed = tried.filter(polars.col("placed"))
+    assert len(placed) >= 2 and (placed["error_deg"] < 0.5 * placed["start_deg"]).all()
+    left_out = np.flatnonzero(~views["placed"].to_numpy())
+    curve = views["coverage"].to_numpy()
+    np.testing.assert_array_equal(curve[left_out], curve[left_out - 1])
 
 
 def test_planners_held_to_an_overlap_keep_it(folder: Path) -> None:
