@@ -11,9 +11,10 @@ from jaxtyping import Float
 
 from jaxmodel.errors import InputError
 from jaxmodel.plan.label_map import LabelMap
-from jaxmodel.plan.next_view import Scorer, Search, View, ViewOutcome, _none, _view, planning_sensor
+from jaxmodel.plan.next_view import Search, View, ViewOutcome, no_view, view_of
 from jaxmodel.plan.ray_march import ready
 from jaxmodel.plan.utility import Utility
+from jaxmodel.plan.view_scores import Scorer, planning_sensor
 from jaxmodel.scan.sensor import Sensor
 
 BASELINES = ("random", "uniform", "area_factor")
@@ -39,7 +40,7 @@ def baseline_view(
     scorer = Scorer(map, ready(map), planning_sensor(sensor, search.rays), space, Utility(), 0.0, None, ())
     found = scorer(space.spread(search.views, search.seed))
     if len(found.value) == 0:
-        return _none(ViewOutcome.NO_REACHABLE_VIEW, space.dimension, Utility())
+        return no_view(ViewOutcome.NO_REACHABLE_VIEW, space.dimension, Utility())
     if kind == "random":
         worth = np.random.default_rng(search.seed).random(len(found.value))
     elif kind == "area_factor":
@@ -54,4 +55,4 @@ def baseline_view(
     elif map.views and not able.any():
         outcome, worth, able = ViewOutcome.NO_OVERLAP, found.overlap, np.ones_like(able)
     row = int(np.argmax(np.where(able | (map.views == 0), worth, -np.inf)))
-    return _view(outcome, found.take(np.array([row])), Utility(), len(found.value))
+    return view_of(outcome, found.take(np.array([row])), Utility(), len(found.value))

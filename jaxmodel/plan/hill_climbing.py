@@ -7,9 +7,10 @@ from jaxtyping import Float
 
 from jaxmodel.plan.free_space import ORIENTATIONS, FreeSpace
 from jaxmodel.plan.label_map import LabelMap
-from jaxmodel.plan.next_view import Scorer, Scores, Search, View, ViewOutcome, _none, _view, joined, planning_sensor
+from jaxmodel.plan.next_view import Search, View, ViewOutcome, no_view, view_of
 from jaxmodel.plan.ray_march import ready
 from jaxmodel.plan.utility import Utility
+from jaxmodel.plan.view_scores import Scorer, Scores, joined, planning_sensor
 from jaxmodel.plan.viewpoints import even_directions
 from jaxmodel.scan.sensor import Sensor
 
@@ -45,7 +46,7 @@ def hill_climbing(
     top = scorer(starts[rows])
     count = len(top.value)
     if count == 0:
-        return _none(ViewOutcome.NO_REACHABLE_VIEW, space.dimension, weights)
+        return no_view(ViewOutcome.NO_REACHABLE_VIEW, space.dimension, weights)
     for _ in range(MOST_STEPS):
         around = space.spacing(POSITIONS * ORIENTATIONS) * random.normal(size=(ORIENTATIONS, space.dimension))
         tried = scorer((top.parameters[:, None] + around).reshape(-1, space.dimension))
@@ -59,11 +60,11 @@ def hill_climbing(
 
 def _best(found: Scores, map: LabelMap, space: Any, search: Search, weights: Utility, count: int) -> View:
     if len(found.value) == 0:
-        return _none(ViewOutcome.NO_REACHABLE_VIEW, space.dimension, weights)
+        return no_view(ViewOutcome.NO_REACHABLE_VIEW, space.dimension, weights)
     able = found.overlap >= search.minimum_overlap
     if map.views and not able.any():
         row = int(np.argmax(found.overlap))
-        return _view(ViewOutcome.NO_OVERLAP, found.take(np.array([row])), weights, count)
+        return view_of(ViewOutcome.NO_OVERLAP, found.take(np.array([row])), weights, count)
     row = int(np.argmax(np.where(able | (map.views == 0), found.value, -np.inf)))
     outcome = ViewOutcome.FOUND if found.novelty.max() > 0 else ViewOutcome.NOTHING_NEW
-    return _view(outcome, found.take(np.array([row])), weights, count)
+    return view_of(outcome, found.take(np.array([row])), weights, count)

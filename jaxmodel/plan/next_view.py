@@ -1,12 +1,11 @@
 """The next best view: exact scores over the whole view space, the best few improved, the best of all (thesis §4.3.2).
 
 The thesis searches from a spiral by Levenberg-Marquardt and calls its result sub-optimal. Here the exact march is cheap
-enough to score thousands of views first; the gradient of the soft utility and a shrinking pattern of exact scores then
-improve the best few, and every candidate is scored exactly again.
+enough to score thousands of views first; a shrinking pattern of exact scores then improves the best few.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 from typing import Any, NamedTuple
 
@@ -15,9 +14,9 @@ from jaxtyping import Float
 
 from jaxmodel.errors import InputError
 from jaxmodel.plan.label_map import LabelMap
-from jaxmodel.plan.labels import Label
-from jaxmodel.plan.ray_march import Seen, Space, look, ready
+from jaxmodel.plan.ray_march import ready
 from jaxmodel.plan.utility import Utility
+from jaxmodel.plan.view_scores import Scorer, Scores, joined, leaders, planning_sensor
 from jaxmodel.scan.sensor import Sensor
 
 SHRINK = 0.5
@@ -30,9 +29,9 @@ class Search:
     """How hard to look, and under which constraints.
 
     ``views`` scored exactly over the whole space, ``spiral`` more along the thesis's spiral; ``rays`` a view;
-    ``best`` views improved in ``rounds`` of a pattern that shrinks by half; ``gradient`` of them first by
-    Levenberg-Marquardt. ``minimum_overlap``: part of a view's readings that must fall on what is known. ``travel``:
-    utility lost for a way as long as the map.
+    ``best`` views improved in ``rounds`` of a pattern that shrinks by half.
+    ``minimum_overlap``: part of a view's readings that must fall on what is known. ``travel``: utility lost for a way
+    as long as the map.
     """
 
     views: int = 2000
@@ -40,13 +39,12 @@ class Search:
     rays: int = 1024
     best: int = 8
     rounds: int = 6
-    gradient: int = 3
     minimum_overlap: float = 0.3
     travel: float = 0.0
     seed: int = 0
 
     def __post_init__(self) -> None:
-        for name, least in (("views", 1), ("spiral", 0), ("rays", 1), ("best", 1), ("rounds", 0), ("gradient", 0)):
+        for name, least in (("views", 1), ("spiral", 0), ("rays", 1), ("best", 1), ("rounds", 0)):
             if getattr(self, name) < least:
                 raise InputError(f"search.{name}: expected at least {least}, got {getattr(self, name)}.")
         if not 0 <= self.minimum_overlap < 1:
@@ -84,59 +82,6 @@ class View(NamedTuple):
     scored: int
 
 
-class Scores(NamedTuple):
-    """Exact scores of many views, by view: ``value`` is the utility less repeats and travel."""
-
-    parameters: Float[np.ndarray, "n d"]
-    poses: Float[np.ndarray, "n 4 4"]
-    seen: Seen
-    utility: Float[np.ndarray, " n"]
-    value: Float[np.ndarray, " n"]
-    overlap: Float[np.ndarray, " n"]
-    novelty: Float[np.ndarray, " n"]
-
-    def take(self, rows: np.ndarray) -> "Scores":
-        """Some of the views."""
-        seen = self.seen.take(rows)
-        rest = (self.utility, self.value, self.overlap, self.novelty)
-        return Scores(self.parameters[rows], self.poses[rows], seen, *(array[rows] for array in rest))
-
-
-class Scorer(NamedTuple):
-    """Everything that a view's exact score depends on."""
-
-    map: LabelMap
-    space: Space
-    sensor: Sensor
-    views: Any
-    weights: Utility
-    travel: float
-    eye: Float[np.ndarray, "3"] | None
-    taken: tuple[Float[np.ndarray, "4 4"], ...]
-
-    def __call__(self, parameters: Float[np.ndarray, "n d"]) -> Scores:
-        """Scores of those of ``parameters`` that the view space allows."""
-        poses = self.views.poses(parameters)
-        allowed = np.asarray(self.views.allowed(poses))
-        parameters, poses = parameters[allowed], poses[allowed]
-        return self.scored(parameters, poses, look(self.map, poses, self.sensor, space=self.space))
-
-    def scored(self, parameters, poses, seen: Seen) -> Scores:
-        """The scores that follow from what is seen."""
-        shares, quality, promise = (np.asarray(of, np.float32) for of in (seen.shares, seen.quality, seen.promising))
-        utility = np.asarray(self.weights(shares, quality, promise))
-        met = np.maximum(seen.counts.sum(axis=1), 1)
-        overlap = (seen.counts[:, Label.OCCUPIED] + seen.counts[:, Label.BORDER]) / met
-        novelty = (seen.counts[:, Label.UNKNOWN] + seen.counts[:, Label.OCCLUSION_PLANE]) / seen.total
-        value = utility
-        if len(self.taken):
-            value = value - float(self.weights.repeat) * self.views.likeness(poses, self.taken)
-        if self.travel > 0 and self.eye is not None:
-            extent = self.map.grid.cell * max(self.map.grid.shape)
-            value = value - self.travel * np.linalg.norm(poses[:, :3, 3] - self.eye, axis=1) / extent
-        return Scores(parameters, poses, seen, utility, value, overlap, novelty)
-
-
 def next_view(
     map: LabelMap,
     sensor: Sensor,
@@ -159,23 +104,23 @@ def next_view(
         parts.append(space.spiral(search.spiral))
     found = scorer(np.concatenate(parts))
     if len(found.value) == 0:
-        return _none(ViewOutcome.NO_REACHABLE_VIEW, space.dimension, weights)
+        return no_view(ViewOutcome.NO_REACHABLE_VIEW, space.dimension, weights)
     weights = weights.attainable(found.seen.shares)
     scorer = scorer._replace(weights=weights)
     found = scorer.scored(found.parameters, found.poses, found.seen)
     count = len(found.value)
     if found.novelty.max() <= 0:
         best = int(np.argmax(found.value))
-        return _view(ViewOutcome.NOTHING_NEW, found.take(np.array([best])), weights, count)
+        return view_of(ViewOutcome.NOTHING_NEW, found.take(np.array([best])), weights, count)
     able = found.overlap >= search.minimum_overlap
     if map.views and not able.any():
         best = int(np.argmax(found.overlap))
-        return _view(ViewOutcome.NO_OVERLAP, found.take(np.array([best])), weights, count)
+        return view_of(ViewOutcome.NO_OVERLAP, found.take(np.array([best])), weights, count)
     least = search.minimum_overlap if map.views else 0.0
     few = found.take(leaders(found, search.best, space.spacing(search.views), least))
     few, more = refined(scorer, few, search, least)
     best = int(np.argmax(np.where(few.overlap >= least, few.value, -np.inf)))
-    return _view(ViewOutcome.FOUND, few.take(np.array([best])), weights, count + more)
+    return view_of(ViewOutcome.FOUND, few.take(np.array([best])), weights, count + more)
 
 
 def utility_field(
@@ -184,31 +129,6 @@ def utility_field(
     """Exact utility over the whole view space as a map of ``views`` views, those allowed."""
     scorer = Scorer(map, ready(map), planning_sensor(sensor, rays), space, weights, 0.0, None, ())
     return scorer(space.spread(views, seed))
-
-
-def planning_sensor(sensor: Sensor, rays: int) -> Sensor:
-    """``sensor`` with the same view and about ``rays`` pixels in all, for planning; never more than it has."""
-    scale = min(1.0, np.sqrt(rays / (sensor.width * sensor.height)))
-    return replace(sensor, width=max(1, round(sensor.width * scale)), height=max(1, round(sensor.height * scale)))
-
-
-def leaders(scores: Scores, count: int, apart: Float[np.ndarray, " d"], least_overlap: float) -> Any:
-    """Rows of the best views that overlap enough, no two of them closer than twice the field's spacing."""
-    order = np.argsort(-np.where(scores.overlap >= least_overlap, scores.value, -np.inf), kind="stable")
-    order = order[: int(np.sum(scores.overlap >= least_overlap))][: 40 * count]
-    chosen: list[int] = []
-    poses = scores.poses
-    reach = 2 * float(apart[-1])
-    for row in order:
-        turn = [float(poses[row, :3, 2] @ poses[other, :3, 2]) for other in chosen]
-        way = [float(np.linalg.norm(poses[row, :3, 3] - poses[other, :3, 3])) for other in chosen]
-        size = float(np.ptp(poses[:, :3, 3], axis=0).max())
-        near = [c > np.cos(reach) and w <= reach / 2 * max(size, 1e-300) for c, w in zip(turn, way, strict=True)]
-        if not any(near):
-            chosen.append(int(row))
-        if len(chosen) == count:
-            break
-    return np.array(chosen, np.int64)
 
 
 def refined(scorer: Scorer, few: Scores, search: Search, least_overlap: float) -> tuple[Scores, int]:
@@ -232,16 +152,8 @@ def _better(few: Scores, tried: Scores, least_overlap: float) -> Scores:
     return both.take(np.argsort(-worth, kind="stable")[: len(few.value)])
 
 
-def joined(one: Scores, two: Scores) -> Scores:
-    """The views of both."""
-    seen = one.seen.joined(two.seen)
-    rest = [
-        np.concatenate([getattr(one, name), getattr(two, name)]) for name in ("utility", "value", "overlap", "novelty")
-    ]
-    return Scores(np.concatenate([one.parameters, two.parameters]), np.concatenate([one.poses, two.poses]), seen, *rest)
-
-
-def _view(outcome: ViewOutcome, one: Scores, weights: Utility, scored: int) -> View:
+def view_of(outcome: ViewOutcome, one: Scores, weights: Utility, scored: int) -> View:
+    """The first of ``one``."""
     return View(
         outcome,
         one.poses[0],
@@ -256,7 +168,8 @@ def _view(outcome: ViewOutcome, one: Scores, weights: Utility, scored: int) -> V
     )
 
 
-def _none(outcome: ViewOutcome, dimension: int, weights: Utility) -> View:
+def no_view(outcome: ViewOutcome, dimension: int, weights: Utility) -> View:
+    """Nowhere to look from."""
     nothing = np.full(6, np.nan)
     return View(
         outcome,

@@ -9,9 +9,10 @@ import pytest
 from jaxmodel.errors import InputError
 from jaxmodel.plan.baselines import baseline_view
 from jaxmodel.plan.label_map import object_map
-from jaxmodel.plan.next_view import Search, ViewOutcome, planning_sensor
+from jaxmodel.plan.next_view import Search, ViewOutcome
 from jaxmodel.plan.ray_march import look
 from jaxmodel.plan.utility import Utility
+from jaxmodel.plan.view_scores import planning_sensor
 from jaxmodel.plan.viewpoints import Restricted
 
 SEARCH = Search(views=200, rays=256)

@@ -13,7 +13,7 @@ from jaxmodel.plan.map_update import update
 from jaxmodel.plan.next_view import Search, View, ViewOutcome
 from jaxmodel.plan.viewpoints import Restricted
 
-SEARCH = Search(views=150, spiral=10, rays=256, best=2, rounds=1, gradient=0)
+SEARCH = Search(views=150, spiral=10, rays=256, best=2, rounds=1)
 
 
 def steps(valve: Any, loop: Loop, space: Any = None, **rest: Any) -> Iterator[Step]:
