@@ -20,7 +20,7 @@ from jaxmodel.plan.arm import Arm
 from jaxmodel.plan.inverse_kinematics import InverseKinematics, all_postures, inverse_kinematics
 from jaxmodel.plan.joint_limits import TURN
 from jaxmodel.plan.reach_map import rolled
-from jaxmodel.plan.reach_outcome import Placements, Postures, ReachOutcome
+from jaxmodel.plan.reach_outcome import Postures, ReachOutcome
 from jaxmodel.plan.viewpoints import Circle
 
 
