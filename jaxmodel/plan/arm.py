@@ -1,9 +1,9 @@
 """A serial arm that carries the sensor: its joints, its forward kinematics, its limits (thesis §4.5).
 
 Frames: ``base`` is the arm's foot, ``flange`` its last link, ``sensor`` the range sensor of ``scan/sensor.py`` (x
-right, y down, z ahead). ``T_flange_sensor`` is the hand-eye transform, ``T_hand_camera`` of ``calibrate``: the flange
-is the hand and the sensor the camera, the place of the sensor in the flange's frame. Angles are radians, lengths in the
-arm's unit. Nothing here knows of collisions, of the arm with itself or with the table.
+right, y down, z ahead). ``T_flange_sensor`` is the hand-eye transform X, the place of the sensor in the flange's frame:
+``T_hand_camera`` of ``calibrate``, for which the flange is the hand and the sensor the camera. Angles are radians,
+lengths in the arm's unit. Nothing here knows of collisions, of the arm with itself or with the table.
 """
 
 from typing import Literal, NamedTuple
@@ -107,7 +107,8 @@ class Arm(eqx.Module):
     @property
     def middle(self) -> Float[np.ndarray, " n"]:
         """Joints in the middle of their limits; zero where a limit is infinite."""
-        return np.where(np.isfinite(self.limits).all(axis=1), self.limits.mean(axis=1), 0.0)
+        bounded = np.isfinite(self.limits).all(axis=1, keepdims=True)
+        return np.where(bounded, self.limits, 0.0).mean(axis=1)
 
     def at(self, T_world_base: Float[AnyArray, "4 4"]) -> "Arm":
         """The same arm on another foot."""

@@ -5,7 +5,8 @@ several starts. Either way each posture is checked by forward kinematics and tur
 that is left is taken. A range sensor sees the same from any roll about its axis, so that the roll may be searched too.
 """
 
-from functools import partial
+from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -17,7 +18,6 @@ from jaxmodel.errors import InputError
 from jaxmodel.geometry import se3
 from jaxmodel.geometry.arrays import AnyArray
 from jaxmodel.geometry.elimination import inverse_positive
-from jaxmodel.geometry.masked import size_class
 from jaxmodel.plan.arm import Arm, forward, jacobian
 from jaxmodel.plan.inverse_kinematics_search import joint_starts, search_postures
 from jaxmodel.plan.inverse_kinematics_wrist import WristArm, wrist_arm, wrist_postures
@@ -26,6 +26,7 @@ from jaxmodel.plan.reach_outcome import Placements, Postures, ReachOutcome
 
 REACHED, SINGULAR, JOINT_LIMITS, OUT_OF_REACH, NOT_CONVERGED, NOT_FINITE = (int(outcome) for outcome in ReachOutcome)
 AT_ONCE = 64  # poses in one vectorised step: memory stays bounded, and a search waits for few others
+CHUNK = 32 * AT_ONCE  # poses in one call of a kernel: with AT_ONCE the only shape that is ever compiled
 
 
 class InverseKinematics(eqx.Module):
@@ -67,10 +68,17 @@ def inverse_kinematics(
     Bad poses are an outcome; ``current`` of the wrong length or not finite is an :class:`InputError`.
     """
     problem, wanted, sound = _prepared(arm, T_world_sensor, current, method)
-    with jax.enable_x64(True):
-        found = jax.tree.map(lambda a: np.asarray(a)[: len(sound)], _placements(problem, wanted, current is None))
+    found = _in_chunks(_placements, problem, wanted, np.asarray(current is None))
     found = jax.tree.map(lambda a: np.where(sound.reshape(-1, *[1] * (a.ndim - 1)), a, np.nan), found)
     return eqx.tree_at(lambda f: f.outcome, found, np.where(sound, found.outcome, NOT_FINITE).astype(np.int32))
+
+
+def reachable(
+    arm: Arm, T_world_sensor: Float[np.ndarray, "m 4 4"], method: InverseKinematics = InverseKinematics()
+) -> Bool[np.ndarray, " m"]:
+    """Which poses ``inverse_kinematics`` reaches, without choosing postures: for maps of very many poses."""
+    problem, wanted, sound = _prepared(arm, T_world_sensor, None, method)
+    return _in_chunks(_reachable, problem, wanted) & sound
 
 
 def all_postures(
@@ -81,8 +89,7 @@ def all_postures(
 ) -> Postures:
     """Every posture found for each pose, with each roll: for paths, which choose among them."""
     problem, wanted, sound = _prepared(arm, T_world_sensor, current, method)
-    with jax.enable_x64(True):
-        found = jax.tree.map(lambda a: np.asarray(a)[: len(sound)], _postures(problem, wanted))
+    found = _in_chunks(_postures, problem, wanted)
     sound = sound[:, None]
     return eqx.tree_at(lambda f: (f.reached, f.exact), found, (found.reached & sound, found.exact & sound))
 
@@ -120,12 +127,12 @@ class _Problem(eqx.Module):
         exact = (distance <= tolerance * self.size) & (angle <= tolerance)
         return Postures(joints, exact & fits, exact, jnp.zeros(len(joints)), distance, angle)
 
-    def chosen(self, wanted: Float[jax.Array, "4 4"], by_limits: bool) -> Placements:
+    def chosen(self, wanted: Float[jax.Array, "4 4"], by_limits: Bool[AnyArray, ""]) -> Placements:
         """The best posture for one pose."""
         found = self.candidates(wanted)
         turning = jnp.array([kind == "revolute" for kind in self.arm.kinds])
         away = jnp.max(jnp.abs(found.joints - self.near) / jnp.where(turning, 1.0, self.size), axis=1)
-        badness = -limit_margin(self.arm, found.joints) if by_limits else away
+        badness = jnp.where(by_limits, -limit_margin(self.arm, found.joints), away)
         error = found.position_error / self.size + found.rotation_error
         best = jnp.where(
             jnp.any(found.reached), jnp.argmin(jnp.where(found.reached, badness, jnp.inf)), jnp.argmin(error)
@@ -155,16 +162,15 @@ def _prepared(
     T_world_sensor: Float[np.ndarray, "m 4 4"],
     current: Float[np.ndarray, " n"] | None,
     method: InverseKinematics,
-) -> tuple[_Problem, Float[np.ndarray, "p 4 4"], Bool[np.ndarray, " m"]]:
-    """The problem, the poses padded to a size class, and which of them are rigid motions."""
+) -> tuple[_Problem, Float[np.ndarray, "m 4 4"], Bool[np.ndarray, " m"]]:
+    """The problem, the poses (the unit for one that is no rigid motion), and which of them are rigid motions."""
     near = arm.middle if current is None else np.asarray(current, np.float64)
     if near.shape != (arm.count,) or not np.isfinite(near).all():
         raise InputError(f"inverse kinematics: expected {arm.count} finite current joints, got {current}.")
     if len(T_world_sensor) == 0:
         raise InputError("inverse kinematics: expected at least one pose.")
     sound = se3.are_rigid(T_world_sensor)
-    wanted = np.tile(np.eye(4), (size_class(len(T_world_sensor), AT_ONCE), 1, 1))
-    wanted[: len(sound)][sound] = T_world_sensor[sound]
+    wanted = np.where(sound[:, None, None], np.asarray(T_world_sensor, np.float64), np.eye(4))
     closed = wrist_arm(arm)
     starts = joint_starts(arm, method.starts) if closed is None else None
     return (
@@ -174,14 +180,31 @@ def _prepared(
     )
 
 
-@partial(jax.jit, static_argnums=2)
-def _placements(problem: _Problem, wanted: Float[jax.Array, "p 4 4"], by_limits: bool) -> Placements:
+def _in_chunks(kernel: Callable[..., Any], problem: _Problem, wanted: np.ndarray, *options: np.ndarray) -> Any:
+    """``kernel`` over poses in chunks of one of two sizes, its results as NumPy arrays in the order of the poses."""
+    size, parts = AT_ONCE if len(wanted) <= AT_ONCE else CHUNK, []
+    with jax.enable_x64(True):
+        for first in range(0, len(wanted), size):
+            some = wanted[first : first + size]
+            padded = np.concatenate([some, np.tile(np.eye(4), (size - len(some), 1, 1))])
+            found = kernel(problem, padded, *options)
+            parts.append(jax.tree.map(lambda a, count=len(some): np.asarray(a)[:count], found))
+    return jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
+
+
+@jax.jit
+def _placements(problem: _Problem, wanted: Float[jax.Array, "p 4 4"], by_limits: Bool[AnyArray, ""]) -> Placements:
     return jax.lax.map(lambda T: problem.chosen(T, by_limits), wanted, batch_size=AT_ONCE)
 
 
 @jax.jit
 def _postures(problem: _Problem, wanted: Float[jax.Array, "p 4 4"]) -> Postures:
     return jax.lax.map(lambda T: problem.candidates(T), wanted, batch_size=AT_ONCE)
+
+
+@jax.jit
+def _reachable(problem: _Problem, wanted: Float[jax.Array, "p 4 4"]) -> Bool[jax.Array, " p"]:
+    return jax.lax.map(lambda T: jnp.any(problem.candidates(T).reached), wanted, batch_size=AT_ONCE)
 
 
 def dexterity(arm: Arm, joints: Float[jax.Array, " n"], size: Float[jax.Array, ""]) -> Float[jax.Array, ""]:

@@ -136,7 +136,9 @@ def _wrist(arm: WristArm, rest: jax.Array, flip: jax.Array, near: jax.Array) -> 
     fifth = ahead + flip * jnp.arctan2(sine, cosine)
     bent = _turn(z5, fifth) @ z6
     free = jnp.sum((bent - (z4 @ bent) * z4) ** 2) <= 1e-20
-    about = jnp.arctan2(z4 @ jnp.cross(bent, aim), bent @ aim - (z4 @ bent) * (z4 @ aim))
+    # both as seen along z4: the difference of two cosines would lose the digits of a nearly straight wrist
+    seen, wanted = jnp.cross(z4, bent), cross
+    about = jnp.arctan2(z4 @ jnp.cross(seen, wanted), seen @ wanted)
     fourth = jnp.where(free, near, about)
     # the last joint takes what is left, so that near the singularity the sum of the two is right
     left = (_turn(z4, fourth) @ _turn(z5, fifth)).T @ rest

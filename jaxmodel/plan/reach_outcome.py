@@ -43,12 +43,12 @@ class Postures(eqx.Module):
     ``exact`` ones reach the pose, within the limits or not. ``roll`` (rad) turns the pose about the sensor's z axis.
     """
 
-    joints: Float[AnyArray, "m c n"]
-    reached: Bool[AnyArray, "m c"]
-    exact: Bool[AnyArray, "m c"]
-    roll: Float[AnyArray, "m c"]
-    position_error: Float[AnyArray, "m c"]
-    rotation_error: Float[AnyArray, "m c"]
+    joints: Float[AnyArray, "*m c n"]
+    reached: Bool[AnyArray, "*m c"]
+    exact: Bool[AnyArray, "*m c"]
+    roll: Float[AnyArray, "*m c"]
+    position_error: Float[AnyArray, "*m c"]
+    rotation_error: Float[AnyArray, "*m c"]
 
 
 class Placements(eqx.Module):
@@ -61,13 +61,13 @@ class Placements(eqx.Module):
     any direction; 0 is singular.
     """
 
-    joints: Float[AnyArray, "m n"]
-    outcome: Int[AnyArray, " m"]
-    roll: Float[AnyArray, " m"]
-    position_error: Float[AnyArray, " m"]
-    rotation_error: Float[AnyArray, " m"]
-    limit_margin: Float[AnyArray, " m"]
-    dexterity: Float[AnyArray, " m"]
+    joints: Float[AnyArray, "*m n"]
+    outcome: Int[AnyArray, "*m"]
+    roll: Float[AnyArray, "*m"]
+    position_error: Float[AnyArray, "*m"]
+    rotation_error: Float[AnyArray, "*m"]
+    limit_margin: Float[AnyArray, "*m"]
+    dexterity: Float[AnyArray, "*m"]
 
     @property
     def reached(self) -> Bool[np.ndarray, " m"]:
