@@ -15,6 +15,8 @@ from jaxmodel.plan.inverse_kinematics_search import joint_starts
 from jaxmodel.plan.inverse_kinematics_wrist import wrist_arm
 from jaxmodel.plan.reach_outcome import ReachOutcome
 
+pytestmark = pytest.mark.slow  # each arm compiles a solver of its own
+
 H = np.pi / 2
 X = se3.compose(Rotation.from_rotvec([0.3, -0.5, 1.1]).as_matrix(), np.array([50.0, -20.0, 120.0]))
 # Universal Robots' table of the UR5 in millimetres: its last three axes do not meet
@@ -115,7 +117,6 @@ def test_the_closed_form_and_the_search_agree_where_both_apply() -> None:
     assert checked > 64
 
 
-@pytest.mark.slow
 def test_seven_joints_or_five_or_a_slide() -> None:
     rng = np.random.default_rng(6)
     seven = np.array([[0.0, (-1) ** i * H, 0.3 * (i % 2 == 0), 0] for i in range(7)])
