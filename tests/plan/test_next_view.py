@@ -9,7 +9,9 @@ import pytest
 from jaxmodel.errors import InputError
 from jaxmodel.plan.label_map import object_map
 from jaxmodel.plan.next_view import Search, ViewOutcome, next_view, utility_field
+from jaxmodel.plan.ray_march import look
 from jaxmodel.plan.utility import THESIS, Utility
+from jaxmodel.plan.view_scores import planning_sensor
 from jaxmodel.plan.viewpoints import Circle, Restricted
 from jaxmodel.scan.sensor import Sensor
 
@@ -23,6 +25,20 @@ def test_the_optimum_is_that_of_the_exhaustive_field(valve: Any, views: int) -> 
     view = next_view(valve.maps[views], valve.sensor, valve.sphere, FREE, ONCE)
     field = utility_field(valve.maps[views], valve.sensor, valve.sphere, view.weights, 20_000, 256)
     assert view.utility >= 0.99 * field.utility.max()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("least", [0.0, 0.3])
+def test_climbs_are_scored_exactly_and_never_cost_anything(valve: Any, least: float) -> None:
+    plain, climbing = (
+        Search(views=300, rays=256, best=3, rounds=0, gradient=gradient, minimum_overlap=least) for gradient in (0, 3)
+    )
+    for map in valve.maps[1:]:
+        without, found = (next_view(map, valve.sensor, valve.sphere, search, ONCE) for search in (plain, climbing))
+        assert found.utility >= without.utility and found.overlap >= least
+        assert found.scored == without.scored + 3
+        again = look(map, found.T_world_sensor[None], planning_sensor(valve.sensor, 256))
+        np.testing.assert_allclose(again.shares[0], found.shares)
 
 
 def test_fixed_weights_are_kept_and_scheduled_ones_follow_the_map(valve: Any) -> None:
