@@ -101,7 +101,7 @@ def peer_rays(scene: Scene, views: int) -> PeerRays:
 
 def octree(map: LabelMap, whole: bool) -> Any:
     """An OctoMap of the map, a voxel a leaf, pruned; ``whole`` with the empty ones, too."""
-    from pyoctomap import OcTree  # pyright: ignore[reportAttributeAccessIssue]
+    from pyoctomap import OcTree  # pyright: ignore[reportMissingImports, reportAttributeAccessIssue]
 
     tree = OcTree(1.0)
     stops = map.labels != Label.EMPTY
