@@ -21,8 +21,8 @@ class Shortfall(eqx.Module):
     """Residuals of a view: the root of what each term of the utility lacks to its most, and lacking overlap.
 
     The terms of what is known count little and pull elsewhere: only those of the unseen are climbed. Their promise is
-    held at that of the starts, which misleads where it changes quickly: climbs of the thesis's terms end at better views
-    far more often.
+    held at that of the starts, which misleads where it changes quickly: climbs of the thesis's terms end at better
+    views far more often.
     """
 
     weights: Utility
