@@ -43,7 +43,8 @@ def assert_as_without(found: TargetPoses, corners: np.ndarray, wrong: np.ndarray
     np.testing.assert_array_equal(found.dropped, wrong.sum(axis=1))
     np.testing.assert_array_equal(np.isnan(found.corners[..., 0]), np.isnan(clean.corners[..., 0]))
     np.testing.assert_allclose(found.camera.K, clean.camera.K, rtol=1e-6)
-    np.testing.assert_allclose(found.camera.distortion, clean.camera.distortion, atol=1e-6)
+    # the last coefficients are known to a few 1e-6 where the optimiser stops; one wrong corner moves them by far more
+    np.testing.assert_allclose(found.camera.distortion, clean.camera.distortion, atol=1e-5)
     np.testing.assert_allclose(found.T_camera_target, clean.T_camera_target, atol=1e-6)
 
 
