@@ -99,6 +99,7 @@ def row_of(seen: Seen) -> dict[str, Any]:
         "utility": nan if view is None else view.utility,
         "scored": 0 if view is None else view.scored,
         "placed": step.placed.sure,
+        "right": report is None or report.right,
         "start_deg": nan if report is None else report.start_deg,
         "start_shift": nan if report is None else report.start_shift,
         "error_deg": nan if report is None else report.error_deg,

@@ -64,13 +64,14 @@ def _runs(summary: Mapping[str, Any]) -> Table:
 
 
 def _registrations(summary: Mapping[str, Any]) -> Table:
-    columns = ("object", "planner", "views placed right", "largest error left")
+    columns = ("object", "planner", "views placed", "of these right", "largest error, in degrees and the size")
     rows = [
         (
             run["object"],
             planner_name(run),
             f"{run['placed']} of {run['views']}",
-            "" if run["error_deg"] is None else f"{run['error_deg']:.2f} degrees, {run['error_shift']:.2g}",
+            str(run["right"]),
+            "" if run["error_deg"] is None else f"{run['error_deg']:.2f}, {100 * run['error_shift']:.2f} %",
         )
         for run in summary["runs"]
         if run["registered"]

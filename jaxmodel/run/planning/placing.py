@@ -1,67 +1,67 @@
 """Views registered onto the model of those before them, from a pose that is known only roughly."""
 
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from jaxmodel.control_points import Subsample, select
 from jaxmodel.plan.explore import Placed
-from jaxmodel.register import IcpMethod, Strategy, register
-from jaxmodel.scan.cloud import Cloud, as_cloud
+from jaxmodel.register.onto_model import FitOutcome, Model, fit_onto, model_of, parts_of
 from jaxmodel.scan.range_image import RangeImage
 
-CONTROL_POINTS = 3000
-LIMITS = (0.05, 0.015)
-"""Pass by pass: the longest pair, in the model's size."""
-REACHES = (0.05, 0.02)
-"""Pass by pass: how near the model a point of the view must lie to count as shared, in the object's size."""
-ALIKE, FEWEST = 0.7, 100
-"""Least cosine between the normals of a shared point and the model; fewest shared points that place a view."""
 SURE_DEG, SURE_SHIFT = 1.0, 0.01
-"""A view is registered right when it is turned by less and its middle lies off by less, in the object's size."""
+"""A view is placed right when it is turned by less and its middle lies off by less, in the object's size."""
+BELIEVED_DEG, BELIEVED_SHIFT = 2.0, 0.02
+"""It is believed to be when the standard deviations of its fit, which are cautious, are smaller than these."""
 
 
 class Placement(NamedTuple):
-    """Errors against the truth before and after the registration: degrees, and the way of the scan's middle."""
+    """Errors against the truth before and after the registration: degrees, and the way of the scan's middle in the
+    object's size.
+    """
 
     start_deg: float
     start_shift: float
     error_deg: float
     error_shift: float
 
+    @property
+    def right(self) -> bool:
+        """Whether the view lies where it was taken."""
+        return self.error_deg < SURE_DEG and self.error_shift < SURE_SHIFT
+
 
 class Placer:
     """Registers view after view; each call starts from the true pose turned by ``degrees`` and shifted by ``shift``.
 
     The axis of the turn, about the middle of what is seen, and the direction of the shift are drawn from ``rng``;
-    lengths in ``size``. Distances to tangent planes are used (Chen and Medioni 1992), between the points that the view
-    shares with the model: the thesis's method, which looks for its pairs far away, slides views of little overlap over
-    one another.
+    lengths in ``size``. What is believed is decided by the fit alone; the truth only tells how far off it is.
     """
 
     def __init__(self, degrees: float, shift: float, size: float, rng: np.random.Generator) -> None:
         self.degrees, self.shift, self.size, self.rng = degrees, shift, size, rng
-        self.model: list[Cloud] = []
+        self.model: Model | None = None
 
     def first(self, image: RangeImage, T_world_sensor: Float[np.ndarray, "4 4"]) -> None:
-        """Take the first view as it is: it makes the frame of the model."""
-        self.model.append(as_cloud(image).moved(T_world_sensor))
+        """Take the first view as it is: it makes the frame of the model. A view without readings makes none."""
+        if image.valid.any():
+            self.model = model_of(parts_of(image).moved(T_world_sensor))
 
     def __call__(self, image: RangeImage, T_world_sensor: Float[np.ndarray, "4 4"]) -> Placed:
-        """Where the view came to lie. One that lies wrong is said not to be sure and is left out of the model."""
-        if not image.valid.any():
+        """Where the view came to lie. One whose fit leaves too much open is not sure and is left out of the model."""
+        if self.model is None or not image.valid.any():
             return Placed(T_world_sensor, sure=False, report=Placement(*[np.nan] * 4))
-        cloud = as_cloud(image)
-        centre = T_world_sensor[:3, :3] @ np.asarray(cloud.points, np.float64).mean(axis=0) + T_world_sensor[:3, 3]
+        view = parts_of(image)
+        centre = view.moved(T_world_sensor).points.mean(axis=0)
         start = self._off(centre) @ T_world_sensor
-        T = registered(self.model, cloud, start, self.size)
-        report = Placement(*_apart(start, T_world_sensor, centre), *_apart(T, T_world_sensor, centre))
-        sure = report.error_deg < SURE_DEG and report.error_shift < SURE_SHIFT * self.size
+        fit = fit_onto(self.model, view, start, self.size)
+        T = fit.T_model_view
+        report = Placement(*self._apart(start, T_world_sensor, centre), *self._apart(T, T_world_sensor, centre))
+        turn, shift = fit.deviations
+        sure = fit.outcome is not FitOutcome.LITTLE_SHARED and turn < SURE_DEG and shift < SURE_SHIFT * self.size
         if sure:
-            self.model.append(cloud.moved(T))
+            self.model = self.model.with_view(view, T)
         return Placed(T, sure=sure, report=report)
 
     def _off(self, centre: Float[np.ndarray, "3"]) -> Float[np.ndarray, "4 4"]:
@@ -71,37 +71,8 @@ class Placer:
         T[:3, :3], T[:3, 3] = R, centre - R @ centre + self.shift * self.size * way
         return T
 
-
-def registered(
-    model: list[Cloud], view: Cloud, T_model_view: Float[np.ndarray, "4 4"], size: float
-) -> Float[np.ndarray, "4 4"]:
-    """``T_model_view`` after registration; as it was where the view shares too little with the model."""
-    points, normals = (
-        np.concatenate([np.asarray(getattr(part, name)) for part in model]) for name in ("points", "normals")
-    )
-    target, T = select(Cloud(points, normals), Subsample(count=CONTROL_POINTS)), T_model_view
-    for limit, reach in zip(LIMITS, REACHES, strict=True):
-        source = shared(target, view, T, reach * size)
-        if source is None:
-            break
-        method = IcpMethod(
-            (Strategy(statistical_filter=False),), objective="point_to_plane", stop="motion", max_distance=limit
-        )
-        T = np.asarray(register(target, source, T, method).T_target_source, np.float64)
-    return T
-
-
-def shared(target: Cloud, view: Cloud, T_target_view: Float[np.ndarray, "4 4"], reach: float) -> Cloud | None:
-    """Control points of a view that the model seems to hold too: near it and facing alike; None for too few."""
-    moved = view.moved(T_target_view)
-    away, nearest = KDTree(target.points).query(moved.points)
-    facing = np.einsum("na,na->n", cast(np.ndarray, moved.normals), cast(np.ndarray, target.normals)[nearest])
-    held = (away < reach) & (facing > ALIKE)
-    return select(view.take(held), Subsample(count=CONTROL_POINTS)) if held.sum() >= FEWEST else None
-
-
-def _apart(T: np.ndarray, truth: np.ndarray, centre: np.ndarray) -> tuple[float, float]:
-    """Turn in degrees, and the way of ``centre`` (world), between a pose and the truth."""
-    there = np.linalg.inv(truth) @ np.append(centre, 1.0)
-    turn = Rotation.from_matrix(T[:3, :3] @ truth[:3, :3].T).magnitude()
-    return float(np.rad2deg(turn)), float(np.linalg.norm((T - truth)[:3] @ there))
+    def _apart(self, T: np.ndarray, truth: np.ndarray, centre: np.ndarray) -> tuple[float, float]:
+        """Turn in degrees, and the way of ``centre`` (world) in the size, between a pose and the truth."""
+        there = np.linalg.inv(truth) @ np.append(centre, 1.0)
+        turn = Rotation.from_matrix(T[:3, :3] @ truth[:3, :3].T).magnitude()
+        return float(np.rad2deg(turn)), float(np.linalg.norm((T - truth)[:3] @ there)) / self.size

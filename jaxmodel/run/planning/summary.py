@@ -31,6 +31,7 @@ def summarised(table: polars.DataFrame, views: int) -> dict[str, Any]:
                 "ending": rows["ending"][-1],
                 "placed": int(rows["placed"].sum()),
                 "useless": _useless(curve),
+                "right": int((rows["placed"] & rows["right"]).sum()),
                 "error_deg": _largest(rows["error_deg"]),
                 "error_shift": _largest(rows["error_shift"]),
                 "seconds_a_view": float(np.median(rows["seconds"].to_numpy()[1:])) if len(rows) > 1 else 0.0,
