@@ -11,17 +11,18 @@ _COARSER = 1.15
 
 
 class MeshView(NamedTuple):
-    """``colours`` of the triangles, None for one colour."""
+    """``colours`` of the triangles, None for one colour; drawn with at most ``most`` triangles."""
 
     name: str
     vertices: Float[np.ndarray, "n 3"]
     faces: Int[np.ndarray, "m 3"]
     colours: UInt8[np.ndarray, "m 3"] | None = None
+    most: int = MOST_TRIANGLES
 
 
 def mesh_plot(view: MeshView) -> dict[str, Any]:
-    """The mesh as a plain plotly tree of at most ``MOST_TRIANGLES`` triangles."""
-    vertices, faces, kept = coarser(view.vertices, view.faces, MOST_TRIANGLES)
+    """The mesh as a plain plotly tree of at most ``view.most`` triangles."""
+    vertices, faces, kept = coarser(view.vertices, view.faces, view.most)
     drawn = f"drawn with {len(faces)} of its {len(view.faces)} triangles, corners merged"
     title = f"{view.name}, {drawn if len(faces) < len(view.faces) else f'{len(faces)} triangles'}"
     centred = vertices - vertices.mean(axis=0)

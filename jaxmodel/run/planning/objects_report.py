@@ -10,9 +10,14 @@ from jaxmodel.run.provenance import facts
 from jaxmodel.view.chart_drawing import chart_png
 from jaxmodel.view.charts import Chart, Panel, Series
 from jaxmodel.view.mesh_figure import MeshPanel, mesh_png
-from jaxmodel.view.mesh_view import MeshView
+from jaxmodel.view.mesh_view import MOST_TRIANGLES, MeshView
 from jaxmodel.view.report import render_report
 from jaxmodel.view.table import Table
+
+TRIANGLES = 100_000
+"""Of all objects in the report together."""
+TURNABLE_MAPS = 3
+"""Objects at most for which the map at the end can be turned in the report too; it is in the figures anyway."""
 
 
 def tables(summary: Mapping[str, Any], command: str) -> list[Table]:
@@ -133,7 +138,11 @@ def draw(folder: RunDir, summary: Mapping[str, Any]) -> list[str]:
         file = f"figures/object-{place:03d}.png"
         folder.write(file, mesh_png(panels))
         written.append(file)
-        sections += [MeshView(title, *drawn["views"]), MeshView(f"{name}: the map at the end", *drawn["map"])]
+        sections.append(
+            MeshView(title, *drawn["views"], most=min(MOST_TRIANGLES, TRIANGLES // len(summary["objects"])))
+        )
+        if len(summary["objects"]) <= TURNABLE_MAPS:
+            sections.append(MeshView(f"{name}: the map at the end", *drawn["map"]))
     drawn_charts = charts(summary)
     for chart in drawn_charts:
         file = f"figures/{chart.name}.png"
