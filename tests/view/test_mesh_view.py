@@ -32,9 +32,8 @@ def test_a_large_mesh_keeps_its_shape_and_the_colours_of_its_triangles() -> None
     assert all(len(set(face)) == 3 for face in faces.tolist())
 
 
-def test_a_drawing_says_that_it_is_coarser(monkeypatch) -> None:
-    monkeypatch.setattr("jaxmodel.view.mesh_view.MOST_TRIANGLES", 500)
-    plot = mesh_plot(MeshView("ball", BALL.vertices, BALL.faces))
+def test_a_drawing_says_that_it_is_coarser() -> None:
+    plot = mesh_plot(MeshView("ball", BALL.vertices, BALL.faces, most=500))
     drawn = len(plot["data"][0]["i"])
     assert drawn <= 500
     assert f"drawn with {drawn} of its {len(BALL.faces)} triangles" in plot["layout"]["title"]["text"]
