@@ -80,9 +80,7 @@ def test_unit_and_origin_do_not_matter() -> None:
 
 
 def test_same_image_gives_the_same_points() -> None:
-    np.testing.assert_array_equal(
-        mesh_control_points(relief(), 250).points, mesh_control_points(relief(), 250).points
-    )
+    np.testing.assert_array_equal(mesh_control_points(relief(), 250).points, mesh_control_points(relief(), 250).points)
 
 
 def test_more_than_the_mesh_has_gives_every_vertex() -> None:

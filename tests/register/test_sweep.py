@@ -70,9 +70,7 @@ def test_order_and_chunks_do_not_change_a_bit(
     resampled_pair: Pair, starts: np.ndarray, whole: Sweep, chunk: int
 ) -> None:
     order = np.random.default_rng(1).permutation(40)
-    chunks = sweep_chunks(
-        resampled_pair.target, resampled_pair.source, starts, THESIS, chunk=chunk, order=order
-    )
+    chunks = sweep_chunks(resampled_pair.target, resampled_pair.source, starts, THESIS, chunk=chunk, order=order)
     assert_same(gathered(chunks, 40), whole)
 
 
@@ -118,9 +116,7 @@ def same_basin(a: Sweep, b: Sweep, size: float) -> np.ndarray:
 
 def assert_executors_agree(pair: Pair, method: IcpMethod) -> None:
     """Cores, 64 and 256 lanes: the same basin for 99.5 % of 400 starts, and there the same pose to 1e-5 (median)."""
-    centred = Pair(
-        pair.target - pair.target.mean(axis=0), pair.source - pair.source.mean(axis=0), np.eye(4), np.eye(4)
-    )
+    centred = Pair(pair.target - pair.target.mean(axis=0), pair.source - pair.source.mean(axis=0), np.eye(4), np.eye(4))
     size = float(np.linalg.norm(np.ptp(pair.target, axis=0)))
     starts = even_starts(centred.target, centred.source, 400)
     runs = [sweep(centred.target, centred.source, starts, method, lanes=n, chunk=400) for n in (None, 64, 256)]
@@ -284,9 +280,7 @@ def test_lanes_and_chunks_may_be_any_positive_number(exact_pair: Pair, starts: n
     assert len(three) == 4
 
 
-def test_a_pair_made_ready_once_gives_the_same_sweep(
-    resampled_pair: Pair, starts: np.ndarray, whole: Sweep
-) -> None:
+def test_a_pair_made_ready_once_gives_the_same_sweep(resampled_pair: Pair, starts: np.ndarray, whole: Sweep) -> None:
     ready, engine = prepare(resampled_pair.target, resampled_pair.source, THESIS), Engine("cores", chunk=40)
     assert_same(gathered(sweep_prepared(ready, starts, THESIS, engine), 40), whole)
     (chunk,) = sweep_prepared(ready, starts[:7], THESIS, engine)

@@ -60,9 +60,7 @@ def test_a_mesh_is_brought_to_unit_size_with_its_axis_up(tmp_path: Path) -> None
 
 @pytest.mark.data
 @pytest.mark.parametrize("name", ["fandisk", "wingnut", "spot", "suzanne"])
-def test_the_meshes_of_the_data_folder_are_scanned(
-    name: str, data_dir: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_meshes_of_the_data_folder_are_scanned(name: str, data_dir: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("JAXMODEL_DATA", str(data_dir))
     (pair,) = load_pairs(MeshScans((name,), family="structured", sensor=SMALL), 0)
     assert pair.name == pair.subject == name and pair.target.points.shape == (60, 60, 3) and gap(pair) < 0.03

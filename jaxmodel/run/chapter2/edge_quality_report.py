@@ -34,9 +34,7 @@ ASKED = (
 
 def tables(summary: Mapping[str, Any], command: str) -> list[Table]:
     """Every solid at every noise; then what is asked beside the least of all views."""
-    rows = [
-        (of["solid"], _percent(of["noise"]), *(_cell(of[name]) for name in SCORES)) for of in summary["scores"]
-    ]
+    rows = [(of["solid"], _percent(of["noise"]), *(_cell(of[name]) for name in SCORES)) for of in summary["scores"]]
     smooth = []
     for solid in dict.fromkeys(of["solid"] for of in summary["smooth"]):
         mine = [of for of in summary["smooth"] if of["solid"] == solid]

@@ -123,9 +123,7 @@ def starts_of(config: StudyConfig, pair: Pair, number: int) -> Float[np.ndarray,
 def plain_trials(config: StudyConfig) -> list[Trial]:
     """Each pair with each of the counts, the same starts for all of them."""
     return [
-        Trial(
-            placed.pair, placed.group.control_points, (count, count), starts, placed.draw, placed.group.stands_for
-        )
+        Trial(placed.pair, placed.group.control_points, (count, count), starts, placed.draw, placed.group.stands_for)
         for number, placed in enumerate(placed_pairs(config))
         for starts in [starts_of(config, placed.pair, number)]
         for count in config.counts

@@ -94,9 +94,7 @@ def tables(summary: Mapping[str, Any], command: str) -> list[Table]:
         for kind in found["kinds"]:
             theirs = published[family].get(kind)
             ours = [comparison.text(found["figures"][f.key][kind], f) for f in comparison.FIGURES[:2]]
-            lines.append(
-                (family.replace("_", "-"), kind, "none" if theirs is None else f"{100 * theirs:.0f} %", *ours)
-            )
+            lines.append((family.replace("_", "-"), kind, "none" if theirs is None else f"{100 * theirs:.0f} %", *ours))
     columns = ("family", "kind", "published", "ours, all tests", "ours, tests where either converged")
     return [
         *comparison.family_tables(summary["comparison"]),

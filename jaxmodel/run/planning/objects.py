@@ -68,6 +68,23 @@ def planning_object(name: str) -> PlanningObject:
     return PlanningObject(name, mesh, is_watertight(mesh))
 
 
+def load_object(name: str) -> ObjectMesh:
+    """The mesh of an object of :data:`PLANNING_OBJECTS`, or of a mesh file of that name, as it lies in the file."""
+    if name in PLANNING_OBJECTS:
+        return planning_object(name).mesh
+    try:
+        mesh = load_mesh(name)
+    except InputError:
+        if "." in name or "/" in name:
+            raise
+        raise InputError(
+            f"objects: there is no object {name!r} and no file of that name; there are {', '.join(PLANNING_OBJECTS)}"
+        ) from None
+    if not np.isfinite(mesh.vertices).all():
+        raise InputError(f"{name}: a vertex is not finite, so it cannot be scanned.")
+    return mesh
+
+
 def object_files(names: Iterable[str]) -> list[Path]:
     """The files that objects come from: those of the data folder, and names that are files themselves."""
     root = data_root()

@@ -13,8 +13,6 @@ from typing import Any, Literal
 import numpy as np
 import polars
 
-from jaxmodel.errors import InputError
-from jaxmodel.io.meshes import load_mesh
 from jaxmodel.io.results import RunDir
 from jaxmodel.io.strict_yaml import unstructure
 from jaxmodel.plan.explore import Ending, Loop
@@ -22,7 +20,7 @@ from jaxmodel.plan.next_view import Search
 from jaxmodel.run.console import Progress
 from jaxmodel.run.planning.object_run import FREE, PLANNERS, Case, object_run, row_of
 from jaxmodel.run.planning.object_scene import ObjectScene, SceneOptions, object_scene
-from jaxmodel.run.planning.objects import PLANNING_OBJECTS, is_watertight, object_files, planning_object
+from jaxmodel.run.planning.objects import PLANNING_OBJECTS, is_watertight, load_object, object_files
 from jaxmodel.run.planning.objects_report import draw, tables
 from jaxmodel.run.planning.pictures import keep_run
 from jaxmodel.run.planning.summary import summarised
@@ -84,7 +82,7 @@ class ObjectsStudy(Prepared):
 
     def __init__(self, config: Config) -> None:
         self.config = config
-        self.scenes = {name: object_scene(name, _mesh(name), config.scene) for name in config.objects}
+        self.scenes = {name: object_scene(name, load_object(name), config.scene) for name in config.objects}
         self.inputs = hash_files(object_files(config.objects))
         self.resolved = unstructure(config)
         self.bytes_needed = 50_000_000
@@ -168,19 +166,3 @@ def _alone(folder: RunDir, table: polars.DataFrame, run: dict[str, Any]) -> dict
 
 def _told(case: Case) -> dict[str, Any]:
     return {key: getattr(case, key) for key in ("planner", "start", "noise", "registered")}
-
-
-def _mesh(name: str) -> Any:
-    if name in PLANNING_OBJECTS:
-        return planning_object(name).mesh
-    try:
-        mesh = load_mesh(name)
-    except InputError:
-        if "." in name or "/" in name:
-            raise
-        raise InputError(
-            f"objects: there is no object {name!r} and no file of that name; there are {', '.join(PLANNING_OBJECTS)}"
-        ) from None
-    if not np.isfinite(mesh.vertices).all():
-        raise InputError(f"{name}: a vertex is not finite, so it cannot be scanned.")
-    return mesh
