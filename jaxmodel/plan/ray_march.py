@@ -6,7 +6,7 @@ one step. Poses are items of the lane engine; the rays of one pose step together
 these go on in smaller and smaller company. The state of a ray is one whole number, so that a step is one fused loop.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -18,8 +18,8 @@ from jaxmodel.errors import InputError
 from jaxmodel.lanes import Engine, Kernel, run
 from jaxmodel.plan.label_map import LabelMap
 from jaxmodel.plan.labels import LABELS
-from jaxmodel.plan.open_space import FARTHEST as FARTHEST
 from jaxmodel.plan.open_space import Space, space_of
+from jaxmodel.plan.seen import NOTHING, REACH, Met, Seen, counted, once
 from jaxmodel.plan.traversal import (
     Place,
     Ray,
@@ -33,14 +33,10 @@ from jaxmodel.plan.traversal import (
 )
 from jaxmodel.scan.sensor import Sensor, pixel_rays
 
-NOTHING = LABELS
-"""The label of a ray that meets nothing between the sensor's nearest and farthest distance."""
 BITS = 10
 """Of each of the three indices in the state of a ray."""
 STOPPED, GONE = 1 << 30, -(1 << 31)
 """State of a ray: its indices, with these bits when it met something or can meet nothing any more."""
-REACH = 0.25
-"""Distance, in the map's longest edge, from which on a ray promises as much as any."""
 COMPANY = 4
 """Once fewer than one ray in so many still walks, those are gathered; again among these."""
 FEWEST = 64
@@ -49,46 +45,6 @@ TOGETHER = 8192
 """Rays of the views that one item holds: enough that a step costs more than the loop around it."""
 AT_ONCE = 2
 """Steps between two counts of those that walk: with few rays, counting and looping cost as much as walking."""
-
-
-class Seen(NamedTuple):
-    """``counts (v, 6)`` rays, or voxels, of each label met from each pose; ``cosines``, ``promise`` summed.
-
-    A cosine is that of the angle between the ray and the inverse of the voxel's mean normal, at least 0, and 0 where
-    no normal is known (unknown voxels). A promise is how close to known surface the voxel lies
-    (:meth:`LabelMap.near`), times the square of its distance in ``REACH`` where that is less than 1: a ray that ends
-    close by shows little area. ``total`` rays were cast from each pose.
-    """
-
-    counts: Int[np.ndarray, "v 6"]
-    cosines: Float[np.ndarray, "v 6"]
-    promise: Float[np.ndarray, "v 6"]
-    total: int
-
-    @property
-    def shares(self) -> Float[np.ndarray, "v 6"]:
-        """Part of all rays that meets each label."""
-        return self.counts / self.total
-
-    @property
-    def quality(self) -> Float[np.ndarray, "v 6"]:
-        """Mean cosine of each label, the thesis's K; 0 where none is seen."""
-        return self.cosines / np.maximum(self.counts, 1)
-
-    @property
-    def promising(self) -> Float[np.ndarray, "v 6"]:
-        """Mean promise of each label; 0 where none is seen."""
-        return self.promise / np.maximum(self.counts, 1)
-
-    def take(self, rows: np.ndarray) -> "Seen":
-        """Some of the views."""
-        return Seen(self.counts[rows], self.cosines[rows], self.promise[rows], self.total)
-
-    def joined(self, other: "Seen") -> "Seen":
-        """These views and those of another."""
-        pairs = zip(self[:3], other[:3], strict=True)
-        counts, cosines, promise = (np.concatenate(pair) for pair in pairs)
-        return Seen(counts, cosines, promise, self.total)
 
 
 class March(Kernel):
@@ -134,20 +90,8 @@ class March(Kernel):
         x, y, z = (self.space.normal[axis][key] * along for axis, along in enumerate(direction))
         cosine = jnp.maximum(-(x + y + z), 0)
         far = jnp.minimum(entered / (REACH * max(self.space.shape)), 1.0)
-        promise = self.space.near[key] * far * far
-        if self.distinct:
-            key = jnp.where(label < NOTHING, key, self.space.normal.shape[1])
-            order = jnp.argsort(key, axis=1)
-            label, key, cosine, promise = (
-                jnp.take_along_axis(row, order, axis=1) for row in (label, key, cosine, promise)
-            )
-            first = jnp.concatenate([jnp.ones_like(key[:, :1], bool), key[:, 1:] != key[:, :-1]], axis=1)
-            label = jnp.where(first, label, NOTHING)
-        bins = jnp.zeros((len(label), LABELS + 1))
-        view = jnp.arange(len(label))[:, None]
-        counts = bins.astype(jnp.int32).at[view, label].add(1, mode="promise_in_bounds")
-        summed = lambda values: bins.at[view, label].add(values, mode="promise_in_bounds")[:, :LABELS]  # noqa: E731
-        return counts[:, :LABELS], summed(cosine), summed(promise)
+        met = Met(label, key, cosine, self.space.near[key] * far * far)
+        return counted(once(met, self.space.normal.shape[1]) if self.distinct else met)
 
     def _all_to_the_end(self, ray: Ray, packed: Int[jax.Array, "g r"]) -> Int[jax.Array, "g r"]:
         """The states of all rays when the last has ended."""

@@ -19,7 +19,7 @@ from scipy.ndimage import distance_transform_cdt
 
 from jaxmodel.plan.label_map import LabelMap
 from jaxmodel.plan.labels import LABELS, Label, beside
-from jaxmodel.plan.ray_march import FARTHEST
+from jaxmodel.plan.open_space import FARTHEST
 from jaxmodel.scan.sensor import Sensor, pixel_rays
 
 CORNERS = tuple(product((0, 1), repeat=3))

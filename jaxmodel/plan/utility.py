@@ -41,7 +41,7 @@ class Utility(eqx.Module):
     ``known``: weight of the terms of occupied and border voxels. The thesis's is 1: it trades greed for overlap there;
     where a least overlap is asked of every view anyway, little is left for them to do. ``repeat``: utility lost for a
     view as one already taken. ``likely``: terms of what is unseen are weighed by what its rays promise (:class:`Seen`
-    in ``ray_march``), where the thesis weighs those of occlusion planes by their angle. ``scheduled``: α follows what
+    in ``seen``), where the thesis weighs those of occlusion planes by their angle. ``scheduled``: α follows what
     views can still meet (:meth:`attainable`). :data:`THESIS` has none of it. Raises :class:`InputError` for a share
     that is not between 0 and 1 or a negative weight.
     """

@@ -8,7 +8,9 @@ from jaxtyping import Float, Int
 
 from jaxmodel.plan.label_map import LabelMap
 from jaxmodel.plan.labels import Label
-from jaxmodel.plan.ray_march import Seen, Space, look
+from jaxmodel.plan.open_space import Space
+from jaxmodel.plan.ray_march import look
+from jaxmodel.plan.seen import Seen
 from jaxmodel.plan.utility import Utility
 from jaxmodel.scan.sensor import Sensor
 

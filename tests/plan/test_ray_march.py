@@ -12,7 +12,9 @@ from jaxmodel.lanes import Engine, _cores
 from jaxmodel.plan.label_map import unknown_map
 from jaxmodel.plan.labels import LABELS
 from jaxmodel.plan.map_update import update
-from jaxmodel.plan.ray_march import NOTHING, in_cells, look, march, march_kernel, ready, run_views, space_of
+from jaxmodel.plan.open_space import space_of
+from jaxmodel.plan.ray_march import in_cells, look, march, march_kernel, ready, run_views
+from jaxmodel.plan.seen import NOTHING
 from jaxmodel.scan.range_image import RangeImage
 from jaxmodel.scan.sensor import Sensor, pixel_rays
 
