@@ -35,7 +35,7 @@ def hill_climbing(
     four places, and each place moves to its best one until none is better. The least overlap of ``search`` holds;
     ``taken`` are poses not to be repeated.
     """
-    scorer = Scorer(map, ready(map), planning_sensor(sensor, search.rays), space, weights, 0.0, None, tuple(taken))
+    scorer = Scorer(map, ready(map), planning_sensor(sensor, search.fine), space, weights, 0.0, None, tuple(taken))
     random = np.random.default_rng(search.seed)
     if isinstance(space, FreeSpace):
         drawn = space.spread(ORIENTATIONS * (POSITIONS - 1), search.seed)

@@ -15,7 +15,7 @@ from jaxmodel.plan.view_scores import planning_sensor
 from jaxmodel.plan.viewpoints import Circle, Restricted
 from jaxmodel.scan.sensor import Sensor
 
-FREE = Search(rays=256, minimum_overlap=0.0)
+FREE = Search(rays=256, fine=256, minimum_overlap=0.0)
 ONCE = Utility(repeat=0.0)
 
 
@@ -31,7 +31,7 @@ def test_the_optimum_is_that_of_the_exhaustive_field(valve: Any, views: int) -> 
 @pytest.mark.parametrize("least", [0.0, 0.3])
 def test_climbs_are_scored_exactly_and_never_cost_anything(valve: Any, least: float) -> None:
     plain, climbing = (
-        Search(views=300, rays=256, best=3, rounds=0, gradient=gradient, minimum_overlap=least) for gradient in (0, 3)
+        Search(views=300, rays=256, fine=256, best=3, rounds=0, gradient=gradient, minimum_overlap=least) for gradient in (0, 3)
     )
     for map in valve.maps[1:]:
         without, found = (next_view(map, valve.sensor, valve.sphere, search, ONCE) for search in (plain, climbing))
@@ -52,7 +52,7 @@ def test_fixed_weights_are_kept_and_scheduled_ones_follow_the_map(valve: Any) ->
 
 def test_runs_agree_and_the_seed_matters_little(valve: Any) -> None:
     one, again, other = (
-        next_view(valve.maps[2], valve.sensor, valve.sphere, Search(rays=256, seed=seed), Utility())
+        next_view(valve.maps[2], valve.sensor, valve.sphere, Search(rays=256, fine=256, seed=seed), Utility())
         for seed in (0, 0, 5)
     )
     np.testing.assert_array_equal(one.T_world_sensor, again.T_world_sensor)
@@ -63,7 +63,7 @@ def test_runs_agree_and_the_seed_matters_little(valve: Any) -> None:
 def test_a_view_keeps_the_least_overlap(valve: Any) -> None:
     overlaps = []
     for least in (0.0, 0.3, 0.6):
-        view = next_view(valve.maps[1], valve.sensor, valve.sphere, Search(rays=256, minimum_overlap=least))
+        view = next_view(valve.maps[1], valve.sensor, valve.sphere, Search(rays=256, fine=256, minimum_overlap=least))
         assert view.outcome is ViewOutcome.FOUND and view.overlap >= least
         overlaps.append(view.novelty)
     assert overlaps[0] > overlaps[1] > overlaps[2]
@@ -80,7 +80,7 @@ def test_travel_keeps_the_sensor_near(valve: Any) -> None:
     here = valve.taken[0]
     far = next_view(valve.maps[1], valve.sensor, valve.sphere, FREE, ONCE, here)
     near = next_view(
-        valve.maps[1], valve.sensor, valve.sphere, Search(rays=256, minimum_overlap=0.0, travel=50.0), ONCE, here
+        valve.maps[1], valve.sensor, valve.sphere, Search(rays=256, fine=256, minimum_overlap=0.0, travel=50.0), ONCE, here
     )
     way = [np.linalg.norm(view.T_world_sensor[:3, 3] - here[:3, 3]) for view in (near, far)]
     assert way[0] < 0.2 * way[1]
@@ -107,7 +107,7 @@ def test_nothing_new_and_no_overlap_are_outcomes(valve: Any) -> None:
     known = object_map(valve.sphere.centre, valve.size, 32)
     known = eqx.tree_at(lambda m: m.crossed, known, np.ones_like(known.crossed))
     assert next_view(known, valve.sensor, valve.sphere, FREE).outcome is ViewOutcome.NOTHING_NEW
-    tight = Search(rays=256, minimum_overlap=0.999)
+    tight = Search(rays=256, fine=256, minimum_overlap=0.999)
     assert next_view(valve.maps[1], valve.sensor, valve.sphere, tight).outcome is ViewOutcome.NO_OVERLAP
 
 

