@@ -12,7 +12,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from jaxmodel.errors import InputError
 from jaxmodel.geometry import se3
@@ -160,13 +160,20 @@ class Chain(NamedTuple):
 def link_frames(arm: Arm, joints: Float[jax.Array, "*batch n"]) -> Chain:
     """All frames of the arm at ``joints``, in the world. Pure; in the precision of the context."""
     joints = jnp.asarray(joints)
-    T = jnp.broadcast_to(jnp.asarray(arm.T_world_base), (*joints.shape[:-1], 4, 4))
-    frames = []
-    for i, kind in enumerate(arm.kinds):
-        T = _product(_product(T, jnp.asarray(arm.T_parent_joint[i])), _motion(arm.axes[i], joints[..., i], kind))
-        frames.append(T)
+    turning = jnp.array([kind == "revolute" for kind in arm.kinds])
+
+    def link(T: jax.Array, of: tuple[jax.Array, ...]) -> tuple[jax.Array, jax.Array]:
+        before, axis, turns, value = of
+        T = _product(_product(T, before), _motion(axis, value, turns))
+        return T, T
+
+    # one joint after the other in a loop: written out, an arm took three times as long to compile
+    links = (jnp.asarray(arm.T_parent_joint), jnp.asarray(arm.axes), turning, jnp.moveaxis(joints, -1, 0))
+    base = jnp.broadcast_to(jnp.asarray(arm.T_world_base, joints.dtype), (*joints.shape[:-1], 4, 4))
+    T, frames = jax.lax.scan(link, base, links)
     T_world_flange = _product(T, jnp.asarray(arm.T_last_flange))
-    return Chain(jnp.stack(frames, -3), T_world_flange, _product(T_world_flange, jnp.asarray(arm.T_flange_sensor)))
+    sensor = _product(T_world_flange, jnp.asarray(arm.T_flange_sensor))
+    return Chain(jnp.moveaxis(frames, 0, -3), T_world_flange, sensor)
 
 
 def forward(arm: Arm, joints: Float[jax.Array, "*batch n"]) -> Float[jax.Array, "*batch 4 4"]:
@@ -183,18 +190,14 @@ def jacobian(arm: Arm, joints: Float[jax.Array, " n"]) -> Float[jax.Array, "6 n"
     return jnp.concatenate([jnp.where(turning, levers, directions), jnp.where(turning, directions, 0.0)], axis=1).T
 
 
-def _motion(axis: Float[AnyArray, "3"], value: Float[jax.Array, "*batch"], kind: JointKind) -> jax.Array:
+def _motion(axis: Float[jax.Array, "3"], value: Float[jax.Array, "*batch"], turns: Bool[jax.Array, ""]) -> jax.Array:
     """The joint's own motion: Rodrigues' formula about a unit axis, or a slide along it."""
-    axis = jnp.asarray(axis)
+    angle, slide = jnp.where(turns, value, 0.0), jnp.where(turns, 0.0, value)
     K = skew(axis)
-    unit = jnp.broadcast_to(jnp.eye(3, dtype=value.dtype), (*value.shape, 3, 3))
-    if kind == "revolute":
-        sine, rest = jnp.sin(value)[..., None, None], 2 * jnp.sin(value / 2)[..., None, None] ** 2
-        R, t = unit + sine * K + rest * _product(K, K), jnp.zeros((*value.shape, 3), value.dtype)
-    else:
-        R, t = unit, value[..., None] * axis
+    sine, rest = jnp.sin(angle)[..., None, None], 2 * jnp.sin(angle / 2)[..., None, None] ** 2
+    R = jnp.eye(3, dtype=value.dtype) + sine * K + rest * _product(K, K)
     last = jnp.broadcast_to(jnp.array([[0.0, 0.0, 0.0, 1.0]], value.dtype), (*value.shape, 1, 4))
-    return jnp.concatenate([jnp.concatenate([R, t[..., None]], axis=-1), last], axis=-2)
+    return jnp.concatenate([jnp.concatenate([R, (slide[..., None] * axis)[..., None]], axis=-1), last], axis=-2)
 
 
 def _product(a: jax.Array, b: jax.Array) -> jax.Array:

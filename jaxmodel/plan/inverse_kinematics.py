@@ -182,11 +182,12 @@ def _prepared(
 
 def _in_chunks(kernel: Callable[..., Any], problem: _Problem, wanted: np.ndarray, *options: np.ndarray) -> Any:
     """``kernel`` over poses in chunks of one of two sizes, its results as NumPy arrays in the order of the poses."""
-    size, parts = AT_ONCE if len(wanted) <= AT_ONCE else CHUNK, []
+    # a search takes so long that what fills up a chunk would be felt
+    size, parts = AT_ONCE if len(wanted) <= AT_ONCE or problem.closed is None else CHUNK, []
     with jax.enable_x64(True):
         for first in range(0, len(wanted), size):
             some = wanted[first : first + size]
-            padded = np.concatenate([some, np.tile(np.eye(4), (size - len(some), 1, 1))])
+            padded = np.concatenate([some, np.repeat(some[:1], size - len(some), axis=0)])
             found = kernel(problem, padded, *options)
             parts.append(jax.tree.map(lambda a, count=len(some): np.asarray(a)[:count], found))
     return jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
