@@ -76,8 +76,8 @@ def quaternion_matrix(xyzw: Float[np.ndarray, "4"]) -> Float[np.ndarray, "3 3"]:
     )
 
 
-def load_transform(path: str | Path) -> Float[np.ndarray, "4 4"]:
-    """``T_target_source`` from a file: 4 x 4 text, ``.npy``, or JSON (a 4 x 4 list, or ``{"T_target_source": ...}``).
+def load_transform(path: str | Path, key: str = "T_target_source") -> Float[np.ndarray, "4 4"]:
+    """A transform from a file: 4 x 4 text, ``.npy``, or JSON (a 4 x 4 list, or an object that has it under ``key``).
 
     The matrix must be a rigid motion (rotation within 1e-3, last row 0 0 0 1). Raises :class:`InputError` naming
     the file and what is wrong.
@@ -86,9 +86,9 @@ def load_transform(path: str | Path) -> Float[np.ndarray, "4 4"]:
     if path.suffix.lower() == ".json":
         value = _read_json(path)
         if isinstance(value, dict):
-            if "T_target_source" not in value:
-                raise InputError(f"{path}: expected the key 'T_target_source', found {sorted(value)}.")
-            value = value["T_target_source"]
+            if key not in value:
+                raise InputError(f"{path}: expected the key {key!r}, found {sorted(value)}.")
+            value = value[key]
         return _rigid(value, str(path))
     if path.suffix.lower() == ".npy":
         _require_file(path)

@@ -1,11 +1,13 @@
-"""The lines of an arm's joints at zero, in the frame of its base: what tells one kind of arm from another."""
+"""The lines of an arm's joints at zero, what tells one kind of arm from another; and its chain of points."""
 
 from typing import NamedTuple
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from jaxmodel.plan.arm import Arm
+from jaxmodel.plan.arm import Arm, link_frames
 
 
 class Lines(NamedTuple):
@@ -24,6 +26,14 @@ def joint_lines(arm: Arm) -> Lines:
         directions.append(place[:3, :3] @ axis)
         points.append(place[:3, 3])
     return Lines(np.stack(directions), np.stack(points), place @ arm.T_last_flange @ arm.T_flange_sensor)
+
+
+def chain_points(arm: Arm, joints: Float[np.ndarray, " n"]) -> Float[np.ndarray, "m 3"]:
+    """Base, joints, flange and sensor of an arm at ``joints``, in the world, from foot to tip: for drawing."""
+    with jax.enable_x64(True):
+        chain = link_frames(arm, jnp.asarray(joints, jnp.float64))
+        places = [arm.T_world_base, *np.asarray(chain.T_world_link), chain.T_world_flange, chain.T_world_sensor]
+        return np.stack([np.asarray(T)[:3, 3] for T in places])
 
 
 def meeting_point(

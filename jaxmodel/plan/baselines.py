@@ -41,6 +41,11 @@ def baseline_view(
     found = scorer(space.spread(search.views, search.seed))
     if len(found.value) == 0:
         return no_view(ViewOutcome.NO_REACHABLE_VIEW, space.dimension, Utility())
+    able = (found.overlap >= search.minimum_overlap) | (map.views == 0)
+    if kind == "area_factor" and able.any():
+        # as many rays as the utility's views are chosen with: with few, the best of many is the luckiest
+        best = np.argsort(-np.where(able, found.novelty, -1.0), kind="stable")[: search.shortlist]
+        found = scorer._replace(sensor=planning_sensor(sensor, search.fine))(found.parameters[best])
     if kind == "random":
         worth = np.random.default_rng(search.seed).random(len(found.value))
     elif kind == "area_factor":

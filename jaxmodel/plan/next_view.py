@@ -124,18 +124,15 @@ def next_view(
     found = scorer(np.concatenate(parts))
     if len(found.value) == 0:
         return no_view(ViewOutcome.NO_REACHABLE_VIEW, space.dimension, weights)
-    weights = weights.attainable(found.seen.shares)
-    scorer = scorer._replace(weights=weights)
-    found = scorer.scored(found.parameters, found.poses, found.seen)
+    least = search.minimum_overlap if map.views else 0.0
+    scorer, found = scorer.attaining(found, least)
     count = len(found.value)
     if found.novelty.max() <= 0:
         best = int(np.argmax(found.value))
-        return view_of(ViewOutcome.NOTHING_NEW, found.take(np.array([best])), weights, count)
-    able = found.overlap >= search.minimum_overlap
-    if map.views and not able.any():
+        return view_of(ViewOutcome.NOTHING_NEW, found.take(np.array([best])), scorer.weights, count)
+    if not (found.overlap >= least).any():
         best = int(np.argmax(found.overlap))
-        return view_of(ViewOutcome.NO_OVERLAP, found.take(np.array([best])), weights, count)
-    least = search.minimum_overlap if map.views else 0.0
+        return view_of(ViewOutcome.NO_OVERLAP, found.take(np.array([best])), scorer.weights, count)
     coarse = found
     scorer, found = shortlisted(scorer, coarse, planning_sensor(sensor, search.fine), search.shortlist, least)
     count += 0 if found is coarse else len(found.value)
@@ -143,7 +140,7 @@ def next_view(
     if search.gradient:
         ends = climbed(scorer, few.take(np.arange(min(search.gradient, len(few.value)))), least)
         few, count = joined(few, ends), count + len(ends.value)
-    few, more = refined(scorer, few, search, least)
+    scorer, few, more = refined(scorer, few, search, least)
     best = int(np.argmax(np.where(few.overlap >= least, few.value, -np.inf)))
     return view_of(ViewOutcome.FOUND, few.take(np.array([best])), scorer.weights, count + more)
 
@@ -171,14 +168,14 @@ def shortlisted(
     again = finer(found.parameters[top])
     if again.novelty.max() <= 0 or again.overlap.max() < least_overlap:
         return scorer, found
-    finer = finer._replace(weights=scorer.weights.attainable(again.seen.shares))
-    return finer, finer.scored(again.parameters, again.poses, again.seen)
+    return finer.attaining(again, least_overlap)
 
 
-def refined(scorer: Scorer, few: Scores, search: Search, least_overlap: float) -> tuple[Scores, int]:
+def refined(scorer: Scorer, few: Scores, search: Search, least_overlap: float) -> tuple[Scorer, Scores, int]:
     """Each of a few views moved to the best of a shrinking pattern around it, and how many scores that took.
 
-    Those that fall behind are left out, a third in each round, down to ``FEWEST``.
+    Those that fall behind are left out, a third in each round, down to ``FEWEST``. The nominal shares of the scorer
+    rise where a view meets more than was thought to be attainable: else more would count for nothing.
     """
     random = np.random.default_rng(search.seed + 1)
     scale = scorer.views.spacing(search.views)
@@ -187,16 +184,14 @@ def refined(scorer: Scorer, few: Scores, search: Search, least_overlap: float) -
         step = random.normal(size=(len(few.value), TRIES, len(scale))) * scale
         tried = scorer((few.parameters[:, None] + step).reshape(-1, len(scale)))
         scored += len(tried.value)
-        few = _better(few, tried, max(FEWEST, len(few.value) * 2 // 3), least_overlap)
+        both = joined(few, tried)
+        able = both.overlap >= least_overlap
+        scorer = scorer._replace(weights=scorer.weights.raised(both.seen.shares[able]))
+        both = scorer.scored(both.parameters, both.poses, both.seen)
+        order = np.argsort(-np.where(able, both.value, -np.inf), kind="stable")
+        few = both.take(order[: max(FEWEST, len(few.value) * 2 // 3)])
         scale = scale * SHRINK
-    return few, scored
-
-
-def _better(few: Scores, tried: Scores, count: int, least_overlap: float) -> Scores:
-    """The best ``count`` of the views known and tried, all of them distinct."""
-    both = joined(few, tried)
-    worth = np.where(both.overlap >= least_overlap, both.value, -np.inf)
-    return both.take(np.argsort(-worth, kind="stable")[:count])
+    return scorer, few, scored
 
 
 def view_of(outcome: ViewOutcome, one: Scores, weights: Utility, scored: int) -> View:

@@ -3,6 +3,7 @@
 Works on NumPy and jax arrays alike; the weights are traced leaves.
 """
 
+from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -104,15 +105,20 @@ class Utility(eqx.Module):
         limit = lambda nominal, label: float(  # noqa: E731
             np.clip(min(float(nominal), float(shares[:, label].max(initial=0.0))), LEAST, 1 - LEAST)
         )
-        return Utility(
+        return replace(
+            self,
             occupied=limit(self.occupied, Label.OCCUPIED),
             occlusion_plane=unseen,
             unknown=unseen,
             border=limit(self.border, Label.BORDER),
-            known=self.known,
-            repeat=self.repeat,
-            likely=self.likely,
         )
+
+    def raised(self, shares: Float[np.ndarray, "v 6"]) -> "Utility":
+        """The same with the nominal shares of what is unseen no lower than any of these views has them."""
+        unseen = float(shares[:, list(UNSEEN)].sum(axis=1).max(initial=0.0))
+        if not self.scheduled or unseen <= float(self.unknown):
+            return self
+        return replace(self, occlusion_plane=min(unseen, 1 - LEAST), unknown=min(unseen, 1 - LEAST))
 
 
 THESIS = Utility(known=1.0, repeat=0.0, likely=False, scheduled=False)

@@ -52,6 +52,13 @@ class Scorer(NamedTuple):
         parameters, poses = parameters[allowed], poses[allowed]
         return self.scored(parameters, poses, look(self.map, poses, self.sensor, space=self.space))
 
+    def attaining(self, found: Scores, least_overlap: float) -> tuple["Scorer", Scores]:
+        """With nominal shares after the views that overlap enough (all, where none does), and these scores by it."""
+        able = found.overlap >= least_overlap
+        weights = self.weights.attainable(found.seen.shares[able] if able.any() else found.seen.shares)
+        scorer = self._replace(weights=weights)
+        return scorer, scorer.scored(found.parameters, found.poses, found.seen)
+
     def scored(self, parameters, poses, seen: Seen) -> Scores:
         """The scores that follow from what is seen."""
         shares, quality, promise = (np.asarray(of, np.float32) for of in (seen.shares, seen.quality, seen.promising))

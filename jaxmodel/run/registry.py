@@ -28,6 +28,7 @@ EXPERIMENTS = {
     "cylinder": "jaxmodel.run.chapter2.cylinder",
     "global_table": "jaxmodel.run.chapter2.global_table",
     "next_view_objects": "jaxmodel.run.planning.objects_study",
+    "next_view_arm": "jaxmodel.run.planning.arm_study",
     "next_view_search": "jaxmodel.run.planning.search_study",
     "next_view_environment": "jaxmodel.run.planning.environment_study",
     "calibration": "jaxmodel.run.calibration.job",

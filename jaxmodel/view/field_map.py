@@ -28,12 +28,13 @@ def field_png(title: str, maps: list[FieldMap]) -> bytes:
     """The maps side by side in Mollweide's projection, each with its own scale of colours."""
     from matplotlib.figure import Figure
 
-    rows = -(-len(maps) // _COLUMNS)
-    figure = Figure(figsize=(5.2 * _COLUMNS, _HIGH * rows + 0.9))
+    columns = min(len(maps), _COLUMNS)
+    rows = -(-len(maps) // columns)
+    figure = Figure(figsize=(5.2 * columns, _HIGH * rows + 0.9))
     figure.suptitle(title)
     handles = {}
     for number, of in enumerate(maps):
-        axes = figure.add_subplot(rows, _COLUMNS, number + 1, projection="mollweide")
+        axes = figure.add_subplot(rows, columns, number + 1, projection="mollweide")
         axes.grid(False)
         axes.set(xticks=[], yticks=[])
         axes.set_title(of.title, fontsize=9)

@@ -31,7 +31,8 @@ def test_the_optimum_is_that_of_the_exhaustive_field(valve: Any, views: int) -> 
 @pytest.mark.parametrize("least", [0.0, 0.3])
 def test_climbs_are_scored_exactly_and_never_cost_anything(valve: Any, least: float) -> None:
     plain, climbing = (
-        Search(views=300, rays=256, fine=256, best=3, rounds=0, gradient=gradient, minimum_overlap=least) for gradient in (0, 3)
+        Search(views=300, rays=256, fine=256, best=3, rounds=0, gradient=gradient, minimum_overlap=least)
+        for gradient in (0, 3)
     )
     for map in valve.maps[1:]:
         without, found = (next_view(map, valve.sensor, valve.sphere, search, ONCE) for search in (plain, climbing))
@@ -80,7 +81,12 @@ def test_travel_keeps_the_sensor_near(valve: Any) -> None:
     here = valve.taken[0]
     far = next_view(valve.maps[1], valve.sensor, valve.sphere, FREE, ONCE, here)
     near = next_view(
-        valve.maps[1], valve.sensor, valve.sphere, Search(rays=256, fine=256, minimum_overlap=0.0, travel=50.0), ONCE, here
+        valve.maps[1],
+        valve.sensor,
+        valve.sphere,
+        Search(rays=256, fine=256, minimum_overlap=0.0, travel=50.0),
+        ONCE,
+        here,
     )
     way = [np.linalg.norm(view.T_world_sensor[:3, 3] - here[:3, 3]) for view in (near, far)]
     assert way[0] < 0.2 * way[1]

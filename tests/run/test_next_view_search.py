@@ -61,15 +61,15 @@ def test_report_and_figures(folder: Path) -> None:
 
 def test_an_interrupted_run_goes_on_to_the_same_bytes(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[str] = []
-    whole = search_study.SearchStudy._object
+    whole = search_study.SearchStudy._run
 
-    def stops(self: Any, scene: Any, progress: Any) -> Any:
+    def stops(self: Any, scene: Any, start: int, progress: Any) -> Any:
         if scene.name == "gourd" and not made:
             made.append("stopped")
             raise KeyboardInterrupt
-        return whole(self, scene, progress)
+        return whole(self, scene, start, progress)
 
-    monkeypatch.setattr(search_study.SearchStudy, "_object", stops)
+    monkeypatch.setattr(search_study.SearchStudy, "_run", stops)
     out = str(folder / "again")
     assert execute(["run", str(folder / "small.yaml"), "--out", out]) == 130
     assert execute(["run", str(folder / "small.yaml"), "--resume", out]) == 0
@@ -83,6 +83,7 @@ def test_an_interrupted_run_goes_on_to_the_same_bytes(folder: Path, monkeypatch:
         ({"maps": 0}, "maps is 0, expected at least 1"),
         ({"methods": ("guess",)}, "methods names 'guess'"),
         ({"objects": ()}, "objects must name at least one"),
+        ({"starts": 9}, "starts is 9, expected 1 to 7"),
         ({"seed": -1}, "seed is -1"),
     ],
 )

@@ -20,7 +20,9 @@ class Plan:
     surface, of what at least one pose of the sphere sees. The run ends when nothing new is in reach, when two views in
     a row add almost nothing, or when the views are used up.
 
-    Example: jaxmodel plan part.stl --views 12 --out runs/part
+    Examples:
+      jaxmodel plan part.stl --views 12 --out runs/part
+      jaxmodel plan part.stl --arm robot.urdf --mount runs/hand_eye/calibration.json --out runs/part_on_the_arm
     """
 
     mesh: _Positional[str]
@@ -47,6 +49,18 @@ class Plan:
     """Least share of a view's readings that must fall on what is known, so that it can be registered."""
     register: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Place each view by registration to those before it, from 2 degrees and 1 % of the size off."""
+    arm: str | None = None
+    """Put the sensor on an arm: gt6a_like, or a URDF file. Only views in reach are taken, the base moves around the
+    object where the rest is out of reach, and poses.json also holds the joints. The object is then as large as
+    --object-size, and lies on a table: no view from below."""
+    mount: str | None = None
+    """File with T_hand_camera, as calibration.json of jaxmodel calibrate; with --arm."""
+    object_size: float = 0.2
+    """Diameter of the ball the object lies in, metres; with --arm."""
+    base_distance: float = 0.6
+    """Of the arm's foot from the object's vertical, metres; with --arm."""
+    base_below: float = 0.3
+    """Height of the object's middle above the arm's foot, metres; with --arm."""
     seed: int = 0
     """Of every random draw."""
     resume: Path | None = None

@@ -31,6 +31,10 @@ from jaxmodel.scan.rooms import TwoRooms
 __all__ = ["Config", "EnvironmentStudy", "draw", "prepare", "tables"]
 
 
+COMPLETE = [ending.name.lower() for ending in (Ending.NOTHING_NEW, Ending.LITTLE_NEW, Ending.LITTLE_GAIN)]
+"""Endings of an exploration that left nothing worth a view."""
+
+
 @dataclass(frozen=True)
 class Config:
     """The YAML of the experiment.
@@ -194,7 +198,7 @@ def _summarised(table: polars.DataFrame) -> dict[str, Any]:
         "views": len(table),
         "views_by_pass": table.group_by("pass", maintain_order=True).len()["len"].to_list(),
         "ending": table["ending"][-1],
-        "complete": table["ending"][-1] in (Ending.NOTHING_NEW.name.lower(), Ending.LITTLE_GAIN.name.lower()),
+        "complete": table["ending"][-1] in COMPLETE,
         "changes": sum(one != other for one, other in pairwise(rooms)),
         "way": float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum()),
         "back": int((table["back"] > 0).sum()),

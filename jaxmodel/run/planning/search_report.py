@@ -95,7 +95,8 @@ def draw(folder: RunDir, summary: Mapping[str, Any]) -> list[str]:
 
 def _field_map(field: polars.DataFrame, rows: polars.DataFrame) -> FieldMap:
     name, number = field["object"][0], field["map"][0]
-    found = rows.filter((polars.col("object") == name) & (polars.col("map") == number))
+    first = (polars.col("object") == name) & (polars.col("start") == 0) & (polars.col("map") == number)
+    found = rows.filter(first)
     places = found.select("method", "azimuth_deg", "elevation_deg").iter_rows()
     marks = {NAMES[method]: (azimuth, elevation) for method, azimuth, elevation in places}
     value = np.where(field["overlaps"].to_numpy(), field["value"].to_numpy(), np.nan)

@@ -23,7 +23,7 @@ from jaxmodel.plan.ray_march import ready
 from jaxmodel.plan.utility import Utility
 from jaxmodel.plan.view_scores import Scorer, Scores, planning_sensor
 from jaxmodel.run.console import Progress
-from jaxmodel.run.planning.object_run import Case, object_run
+from jaxmodel.run.planning.object_run import FIRST_VIEWS, Case, object_run
 from jaxmodel.run.planning.object_scene import ObjectScene, SceneOptions, object_scene
 from jaxmodel.run.planning.objects import PLANNING_OBJECTS, load_object, object_files
 from jaxmodel.run.planning.search_report import draw, tables
@@ -75,13 +75,15 @@ class Config:
     """The YAML of the experiment.
 
     ``objects``: names of built-in ones, or files of meshes; ``maps`` of each, one after each view of a run by the
-    utility, fewer where the run ends before; ``field_views``: of the exhaustive field.
+    utility, fewer where the run ends before; ``starts``: how many first views, a run each; ``field_views``: of the
+    exhaustive field.
     """
 
     experiment: Literal["next_view_search"] = "next_view_search"
     seed: int = 0
     objects: tuple[str, ...] = PLANNING_OBJECTS
     maps: int = 6
+    starts: int = 1
     field_views: int = 20_000
     methods: tuple[str, ...] = tuple(METHODS)
     scene: SceneOptions = field(default_factory=SceneOptions)
@@ -96,6 +98,8 @@ class Config:
         for key in ("maps", "field_views"):
             if getattr(self, key) < 1:
                 raise ValueError(f"{key} is {getattr(self, key)}, expected at least 1")
+        if not 1 <= self.starts <= FIRST_VIEWS:
+            raise ValueError(f"starts is {self.starts}, expected 1 to {FIRST_VIEWS}")
         for method in self.methods:
             if method not in METHODS:
                 raise ValueError(f"methods names {method!r}, expected some of {', '.join(METHODS)}")
@@ -114,20 +118,21 @@ class SearchStudy(Prepared):
     def execute(self, folder: RunDir, progress: Progress) -> dict[str, Any]:
         """Decide on the maps that are not yet decided on, write tables, pictures and ``summary.json``."""
         begun, config = time.perf_counter(), self.config
-        progress.begin("maps", len(self.scenes) * config.maps)
+        progress.begin("maps", len(self.scenes) * config.starts * config.maps)
         rows, fields = [], []
-        for place, (name, scene) in enumerate(self.scenes.items()):
-            key = f"object{place:03d}"
-            parts = folder.read_parts(key)
-            if 0 not in parts:
-                progress.describe(name)
-                parts[0], parts[1] = self._object(scene, progress)
-                folder.write_part(key, 1, parts[1])
-                folder.write_part(key, 0, parts[0])
-            else:
-                progress.advance(config.maps)
-            rows.append(parts[0])
-            fields.append(parts[1] if place == 0 else parts[1].head(0))
+        for place, scene in enumerate(self.scenes.values()):
+            for start in range(config.starts):
+                key = f"object{place:03d}start{start}"
+                parts = folder.read_parts(key)
+                if 0 not in parts:
+                    progress.describe(scene.name)
+                    parts[0], parts[1] = self._run(scene, start, progress)
+                    folder.write_part(key, 1, parts[1])
+                    folder.write_part(key, 0, parts[0])
+                else:
+                    progress.advance(config.maps)
+                rows.append(parts[0])
+                fields.append(parts[1] if (place, start) == (0, 0) else parts[1].head(0))
         table = polars.concat(rows, how="vertical")
         folder.write_table("results.parquet", table.drop("seconds"))  # times are no result: same seed, same bytes
         folder.write_table("field.parquet", polars.concat(fields, how="vertical"))
@@ -144,15 +149,15 @@ class SearchStudy(Prepared):
         folder.remove_parts()
         return summary
 
-    def _object(self, scene: ObjectScene, progress: Progress) -> tuple[polars.DataFrame, polars.DataFrame]:
+    def _run(self, scene: ObjectScene, start: int, progress: Progress) -> tuple[polars.DataFrame, polars.DataFrame]:
         """Rows of every map and method, and the fields."""
         config, rows, fields = self.config, [], []
         before = 0
-        for map, taken in maps_along(scene, config.maps, config.seed, config.search):
+        for map, taken in maps_along(scene, config.maps, config.seed, config.search, start):
             all_views, weights = exhaustive(map, taken, scene, config.search, config.field_views, config.seed)
             decision = Decision(map, taken, scene, config.search, weights)
             best = _best(all_views, config.search.minimum_overlap)
-            shown = {"object": scene.name, "map": len(taken)}
+            shown = {"object": scene.name, "start": start, "map": len(taken)}
             for method in config.methods:
                 begun = time.perf_counter()
                 view = METHODS[method](decision)
@@ -186,10 +191,10 @@ def prepare(config: Config) -> SearchStudy:
 
 
 def maps_along(
-    scene: ObjectScene, count: int, seed: int, search: Search
+    scene: ObjectScene, count: int, seed: int, search: Search, start: int = 0
 ) -> Iterator[tuple[LabelMap, list[np.ndarray]]]:
     """The maps after each of ``count`` views of a run by the utility while it goes on, with the poses up to there."""
-    case = Case("utility", 0, 0.0, False, 0.0, 0.0, seed)
+    case = Case("utility", start, 0.0, False, 0.0, 0.0, seed)
     taken = []
     for seen in object_run(scene, case, Loop(views=count + 1), search):
         taken.append(seen.step.T_world_sensor)
@@ -202,8 +207,8 @@ def exhaustive(
 ) -> tuple[Scores, Utility]:
     """The field of views, and the utility whose nominal shares follow from it."""
     found = utility_field(map, scene.sensor, scene.sphere, Utility(), views, search.fine, seed + FIELD_SEED)
-    weights = Utility().attainable(found.seen.shares)
-    return _scorer(map, taken, scene, search, weights).scored(found.parameters, found.poses, found.seen), weights
+    scorer, scores = _scorer(map, taken, scene, search, Utility()).attaining(found, search.minimum_overlap)
+    return scores, scorer.weights
 
 
 def summarised(table: polars.DataFrame) -> list[dict[str, Any]]:
