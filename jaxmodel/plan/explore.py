@@ -28,8 +28,7 @@ FAILURES = 3
 
 @dataclass(frozen=True)
 class Loop:
-    """``views`` at most; the loop ends after two views in a row that add less than ``least_gain`` of the surface known,
-    and where the next view would meet something new with less than ``least_novelty`` of its rays.
+    """``views`` at most; the loop ends after two views in a row that add less than ``least_gain`` of the surface known.
 
     ``stride``: in free space, how far the next view may be while one near enough is worth taking (unit of the data;
     None: anywhere); ``worth`` the part of a view's rays that must meet something new for that. Without such a view the
@@ -38,16 +37,14 @@ class Loop:
 
     views: int = 20
     least_gain: float = 0.01
-    least_novelty: float = 0.001
     stride: float | None = None
     worth: float = 0.05
 
     def __post_init__(self) -> None:
         if self.views < 1:
             raise InputError(f"loop.views: expected at least 1, got {self.views}.")
-        for name in ("least_gain", "least_novelty"):
-            if not 0 <= getattr(self, name) < 1:
-                raise InputError(f"loop.{name}: expected a share below 1, got {getattr(self, name)}.")
+        if not 0 <= self.least_gain < 1:
+            raise InputError(f"loop.least_gain: expected a share below 1, got {self.least_gain}.")
         if self.stride is not None and not self.stride > 0:
             raise InputError(f"loop.stride: expected a positive length, got {self.stride}.")
 
@@ -65,7 +62,11 @@ class Ending(Enum):
     NOT_PLACED = "views in a row could not be registered to the model"
 
 
-ENDS = {ViewOutcome.NO_REACHABLE_VIEW: Ending.NO_REACHABLE_VIEW, ViewOutcome.NOTHING_NEW: Ending.NOTHING_NEW}
+ENDS = {
+    ViewOutcome.NO_REACHABLE_VIEW: Ending.NO_REACHABLE_VIEW,
+    ViewOutcome.NOTHING_NEW: Ending.NOTHING_NEW,
+    ViewOutcome.LITTLE_NEW: Ending.LITTLE_NEW,
+}
 """Outcomes of the search that end the loop."""
 
 
@@ -145,8 +146,6 @@ def explore(
             tighter = _tighter(search, way.failures, number)
             following, steps_back = planned_view(map, views_at, way, loop, tighter, choose)
             ending = ENDS.get(following.outcome, ending)
-            if following.outcome is ViewOutcome.FOUND and following.novelty < loop.least_novelty:
-                ending = Ending.LITTLE_NEW
         yield Step(number, planned, T, image, placed, map, gain, back, ending)
         if ending is not Ending.GOES_ON or following is None:
             return

@@ -37,7 +37,8 @@ class Search:
     with few rays the best of many is the luckiest. The ``best`` of those are improved in ``rounds`` of a pattern that
     shrinks by half, ``gradient`` of them first by Levenberg-Marquardt on the soft utility: none by default, as it adds
     nothing that the pattern does not find (``jaxmodel run next_view_search``). ``minimum_overlap``: part of a view's
-    readings that must fall on what is known. ``travel``: utility lost for a way as long as the map.
+    readings that must fall on what is known. ``least_novelty``: part of its rays that must meet something new, else the
+    outcome is ``LITTLE_NEW``. ``travel``: utility lost for a way as long as the map.
     """
 
     views: int = 4000
@@ -49,6 +50,7 @@ class Search:
     rounds: int = 7
     gradient: int = 0
     minimum_overlap: float = 0.3
+    least_novelty: float = 0.001
     travel: float = 0.0
     seed: int = 0
 
@@ -66,8 +68,9 @@ class Search:
         for name, least in least_of.items():
             if getattr(self, name) < least:
                 raise InputError(f"search.{name}: expected at least {least}, got {getattr(self, name)}.")
-        if not 0 <= self.minimum_overlap < 1:
-            raise InputError(f"search.minimum_overlap: expected a share below 1, got {self.minimum_overlap}.")
+        for name in ("minimum_overlap", "least_novelty"):
+            if not 0 <= getattr(self, name) < 1:
+                raise InputError(f"search.{name}: expected a share below 1, got {getattr(self, name)}.")
         if not self.travel >= 0:
             raise InputError(f"search.travel: expected zero or more, got {self.travel}.")
 
@@ -79,6 +82,7 @@ class ViewOutcome(Enum):
     NO_REACHABLE_VIEW = "the view space has no view that the sensor can reach"
     NO_OVERLAP = "no reachable view overlaps enough with what is known; the one that overlaps most"
     NOTHING_NEW = "no reachable view meets anything unknown or hidden"
+    LITTLE_NEW = "the best reachable view meets almost nothing unknown or hidden"
 
 
 class View(NamedTuple):
@@ -142,7 +146,8 @@ def next_view(
         few, count = joined(few, ends), count + len(ends.value)
     scorer, few, more = refined(scorer, few, search, least)
     best = int(np.argmax(np.where(few.overlap >= least, few.value, -np.inf)))
-    return view_of(ViewOutcome.FOUND, few.take(np.array([best])), scorer.weights, count + more)
+    outcome = ViewOutcome.FOUND if few.novelty[best] >= search.least_novelty else ViewOutcome.LITTLE_NEW
+    return view_of(outcome, few.take(np.array([best])), scorer.weights, count + more)
 
 
 def utility_field(

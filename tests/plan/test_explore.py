@@ -1,6 +1,7 @@
 """The closed loop: what it keeps, when it stops, what it does when views cannot be placed."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,9 +17,9 @@ from jaxmodel.plan.viewpoints import Restricted
 SEARCH = Search(views=150, spiral=10, rays=256, best=2, rounds=1)
 
 
-def steps(valve: Any, loop: Loop, space: Any = None, **rest: Any) -> Iterator[Step]:
+def steps(valve: Any, loop: Loop, space: Any = None, search: Search = SEARCH, **rest: Any) -> Iterator[Step]:
     views = valve.sphere if space is None else space
-    return explore(valve.scan, valve.maps[0], valve.sensor, lambda map, T: views, valve.taken[0], loop, SEARCH, **rest)
+    return explore(valve.scan, valve.maps[0], valve.sensor, lambda map, T: views, valve.taken[0], loop, search, **rest)
 
 
 @pytest.fixture(scope="module")
@@ -54,6 +55,12 @@ def test_two_views_of_little_gain_end_it(valve: Any) -> None:
     found = list(steps(valve, Loop(views=9, least_gain=0.2), here))
     assert found[-1].ending is Ending.LITTLE_GAIN
     assert max(step.gain for step in found[-2:]) < 0.2 and all(step.ending is Ending.GOES_ON for step in found[:-1])
+
+
+def test_next_to_nothing_new_ends_it(valve: Any) -> None:
+    found = list(steps(valve, Loop(views=9), search=replace(SEARCH, least_novelty=0.1)))
+    assert found[-1].ending is Ending.LITTLE_NEW and 1 < len(found) < 9
+    assert all(step.planned is None or step.planned.novelty >= 0.1 for step in found)
 
 
 def test_no_reachable_view_ends_it(valve: Any) -> None:

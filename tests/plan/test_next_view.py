@@ -9,9 +9,9 @@ import pytest
 from jaxmodel.errors import InputError
 from jaxmodel.plan.label_map import object_map
 from jaxmodel.plan.next_view import Search, ViewOutcome, next_view, utility_field
-from jaxmodel.plan.ray_march import look
+from jaxmodel.plan.ray_march import look, ready
 from jaxmodel.plan.utility import THESIS, Utility
-from jaxmodel.plan.view_scores import planning_sensor
+from jaxmodel.plan.view_scores import Scorer, planning_sensor
 from jaxmodel.plan.viewpoints import Circle, Restricted
 from jaxmodel.scan.sensor import Sensor
 
@@ -117,6 +117,38 @@ def test_nothing_new_and_no_overlap_are_outcomes(valve: Any) -> None:
     assert next_view(valve.maps[1], valve.sensor, valve.sphere, tight).outcome is ViewOutcome.NO_OVERLAP
 
 
+def test_a_view_with_next_to_nothing_new_is_told(valve: Any) -> None:
+    view = next_view(valve.maps[1], valve.sensor, valve.sphere, FREE)
+    few = Search(rays=256, fine=256, minimum_overlap=0.0, least_novelty=view.novelty + 0.01)
+    little = next_view(valve.maps[1], valve.sensor, valve.sphere, few)
+    assert view.outcome is ViewOutcome.FOUND and little.outcome is ViewOutcome.LITTLE_NEW
+    np.testing.assert_array_equal(view.T_world_sensor, little.T_world_sensor)
+
+
+def test_views_chosen_with_few_rays_are_scored_again_with_more(valve: Any) -> None:
+    coarse = Search(rays=64, fine=64, minimum_overlap=0.2)
+    fine = Search(rays=64, fine=3600, minimum_overlap=0.2)
+    judge = Scorer(valve.maps[2], ready(valve.maps[2]), valve.sensor, valve.sphere, ONCE, 0.0, None, ())
+    few, many = (next_view(valve.maps[2], valve.sensor, valve.sphere, search, ONCE) for search in (coarse, fine))
+    worth = judge._replace(weights=many.weights)(np.stack([few.parameter, many.parameter]))
+    assert worth.value[1] > worth.value[0] and many.novelty == pytest.approx(float(worth.novelty[1]))
+    assert (worth.overlap[1] >= 0.2) and many.scored > few.scored
+
+
+def test_nominal_shares_follow_the_views_that_may_be_taken(valve: Any) -> None:
+    scorer = Scorer(valve.maps[1], ready(valve.maps[1]), valve.sensor, valve.sphere, Utility(), 0.0, None, ())
+    found = scorer(valve.sphere.spread(300))
+    able = found.overlap >= 0.5
+    held, scores = scorer.attaining(found, 0.5)
+    assert float(held.weights.unknown) == pytest.approx(found.novelty[able].max(), rel=1e-5)
+    assert found.novelty.max() > 1.1 * found.novelty[able].max()
+    np.testing.assert_array_equal(scores.utility, held(found.parameters).utility)
+    raised = held.weights.raised(found.seen.shares)
+    assert float(raised.unknown) == float(raised.occlusion_plane) == pytest.approx(found.novelty.max(), rel=1e-5)
+    assert held.weights.raised(found.seen.shares[able]) is held.weights
+    assert THESIS.raised(found.seen.shares) is THESIS
+
+
 def test_a_sensor_that_reaches_nothing_sees_nothing_new(valve: Any) -> None:
     short = Sensor(60, 60, field_of_view_deg=40.0, maximum_range=0.1 * valve.size)
     assert next_view(valve.maps[0], short, valve.sphere, FREE).outcome is ViewOutcome.NOTHING_NEW
@@ -130,6 +162,9 @@ def test_a_sensor_that_reaches_nothing_sees_nothing_new(valve: Any) -> None:
         ({"best": 0}, "search.best"),
         ({"minimum_overlap": 1.0}, "search.minimum_overlap"),
         ({"minimum_overlap": float("nan")}, "search.minimum_overlap"),
+        ({"fine": 0}, "search.fine"),
+        ({"shortlist": 0}, "search.shortlist"),
+        ({"least_novelty": 1.0}, "search.least_novelty"),
         ({"travel": -1.0}, "search.travel"),
     ],
 )
