@@ -58,6 +58,21 @@ def test_in_the_cube_the_sensor_only_turns_and_sees_more(cube: Path) -> None:
     assert rows["coverage"][0] == pytest.approx(np.tan(np.pi / 6) ** 2 / 6, abs=0.01)
 
 
+def test_the_field_of_the_cube_peaks_where_the_next_view_looks(cube: Path) -> None:
+    field = polars.read_parquet(cube / "field.parquet")
+    rows = polars.read_parquet(cube / "results.parquet").filter(polars.col("planner") == "utility")
+    assert sorted(set(field["view"])) == [0, 1, 2, 3] and (cube / "figures" / "field.png").is_file()
+    for number in range(3):
+        of = field.filter(polars.col("view") == number)
+        utility = of["utility"].to_numpy()
+        azimuth, elevation = (np.deg2rad(of[name].to_numpy()) for name in ("azimuth_deg", "elevation_deg"))
+        looks = np.stack([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
+        taken = rows.filter(polars.col("view") == number + 1).select("T_02", "T_12", "T_22").to_numpy()[0]
+        nearest = utility[int(np.argmax(taken @ looks))]
+        assert nearest >= np.nanquantile(utility, 0.8) or np.isnan(nearest)
+        assert np.isfinite(utility).any()
+
+
 def test_in_the_rooms_it_stays_in_free_space_and_a_finer_pass_goes_on(rooms: Path) -> None:
     rows = polars.read_parquet(rooms / "results.parquet")
     assert rows["pass"].unique().sort().to_list() == [0, 1]

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 import polars
 
 from jaxmodel.io.results import RunDir
@@ -10,7 +11,8 @@ from jaxmodel.run.meshing.drawing_data import kept
 from jaxmodel.run.provenance import facts
 from jaxmodel.run.study_report import read_table
 from jaxmodel.view.chart_drawing import chart_png
-from jaxmodel.view.charts import Chart, Panel, Series
+from jaxmodel.view.charts import Chart, Panel, Picture, Series
+from jaxmodel.view.field_map import FieldMap, field_png
 from jaxmodel.view.mesh_figure import MeshPanel, mesh_png
 from jaxmodel.view.mesh_view import MeshView
 from jaxmodel.view.report import render_report
@@ -71,6 +73,20 @@ def charts(summary: Mapping[str, Any], rows: polars.DataFrame) -> list[Chart]:
     ]
 
 
+def _field_maps(fields: polars.DataFrame, rows: polars.DataFrame) -> list[FieldMap]:
+    """The fields of the first planner, with the view it took next."""
+    first = rows.filter(polars.col("planner") == rows["planner"][0])
+    maps = []
+    for (number,), of in fields.group_by(["view"], maintain_order=True):
+        following = first.filter(polars.col("view") == int(str(number)) + 1).select("T_02", "T_12", "T_22")
+        marks = {}
+        for x, y, z in following.iter_rows():
+            marks["the next view"] = (float(np.rad2deg(np.arctan2(y, x))), float(np.rad2deg(np.arcsin(z))))
+        angles = of["azimuth_deg"].to_numpy(), of["elevation_deg"].to_numpy()
+        maps.append(FieldMap(f"after {int(str(number)) + 1} views", *angles, of["utility"].to_numpy(), marks))
+    return maps
+
+
 def draw(folder: RunDir, summary: Mapping[str, Any]) -> list[str]:
     """Figures and report from the folder alone."""
     manifest = folder.read_json("manifest.json")
@@ -88,6 +104,12 @@ def draw(folder: RunDir, summary: Mapping[str, Any]) -> list[str]:
         folder.write(file, mesh_png(panels))
         written.append(file)
         sections += [MeshView(title, *drawn["views"]), MeshView("the map at the end, cut open", *drawn["map"])]
+    fields = read_table(folder.path / "field.parquet")
+    if len(fields):
+        png = field_png("Utility by pan and tilt; grey: too little overlap", _field_maps(fields, rows))
+        folder.write("figures/field.png", png)
+        written.append("figures/field.png")
+        sections.append(Picture("Utility by pan and tilt, view by view (Fig. 4.7)", png))
     drawn_charts = charts(summary, rows)
     for chart in drawn_charts:
         file = f"figures/{chart.name}.png"

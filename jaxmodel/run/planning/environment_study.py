@@ -20,7 +20,8 @@ from jaxmodel.plan.coverage import CoverageCurve, visible
 from jaxmodel.plan.explore import Chooser, Ending, Loop, Step, by_utility, explore, label_shares
 from jaxmodel.plan.hill_climbing import hill_climbing
 from jaxmodel.plan.map_update import update
-from jaxmodel.plan.next_view import Search, ViewOutcome
+from jaxmodel.plan.next_view import Search, ViewOutcome, utility_field
+from jaxmodel.plan.utility import Utility
 from jaxmodel.run.console import Progress
 from jaxmodel.run.planning.environment_pictures import keep_environment
 from jaxmodel.run.planning.environment_report import draw, tables
@@ -31,6 +32,8 @@ from jaxmodel.scan.rooms import TwoRooms
 __all__ = ["Config", "EnvironmentStudy", "draw", "prepare", "tables"]
 
 
+EARLY, FIELD_VIEWS = 6, 4000
+"""Views after which the field of utility is drawn, and how finely."""
 COMPLETE = [ending.name.lower() for ending in (Ending.NOTHING_NEW, Ending.LITTLE_NEW, Ending.LITTLE_GAIN)]
 """Endings of an exploration that left nothing worth a view."""
 
@@ -86,16 +89,19 @@ class EnvironmentStudy(Prepared):
         begun, config = time.perf_counter(), self.config
         scene = self.scene
         progress.begin("views", len(config.planners) * len(config.voxels) * config.loop.views)
-        parts = []
+        parts, fields = [], []
         for number, planner in enumerate(config.planners):
             key = f"planner{number:03d}"
             made = folder.read_parts(key)
             if 0 not in made:
                 progress.describe(planner)
-                made[0] = self._run(folder, progress, scene, planner, number)
+                made[0], made[1] = self._run(folder, progress, scene, planner, number)
+                folder.write_part(key, 1, made[1])
                 folder.write_part(key, 0, made[0])
             parts.append(made[0])
+            fields.append(made[1] if number == 0 else made[1].head(0))
         table = polars.concat(parts, how="vertical")
+        folder.write_table("field.parquet", polars.concat(fields, how="vertical"))
         folder.write_table("results.parquet", table.drop("seconds"))  # times are no result: same seed, same bytes
         summary: dict[str, Any] = {
             "experiment": "next_view_environment",
@@ -113,7 +119,7 @@ class EnvironmentStudy(Prepared):
 
     def _run(
         self, folder: RunDir, progress: Progress, scene: EnvironmentScene, planner: str, number: int
-    ) -> polars.DataFrame:
+    ) -> tuple[polars.DataFrame, polars.DataFrame]:
         rows, steps, last = [], [], time.perf_counter()
         for seen in environment_run(scene, planner, self.config):
             now = time.perf_counter()
@@ -122,7 +128,7 @@ class EnvironmentStudy(Prepared):
             last = now
             progress.advance(1)
         keep_environment(folder, f"planner{number:03d}", scene, steps)
-        return polars.DataFrame(rows)
+        return polars.DataFrame(rows), _fields(scene, steps, self.config.search)
 
 
 def prepare(config: Config) -> EnvironmentStudy:
@@ -154,6 +160,30 @@ def environment_run(scene: EnvironmentScene, planner: str, config: Config) -> It
             taken.append(step)
             T = step.T_world_sensor
             yield Seen(number, step, curve.shares[-1])
+
+
+def _fields(scene: EnvironmentScene, steps: list[Step], search: Search) -> polars.DataFrame:
+    """Where the sensor only turns: the utility of every pan and tilt after each of the first views (Fig. 4.7)."""
+    rows = [_field(scene, step, search) for step in steps[:EARLY]] if scene.name == "cube" else []
+    numbers = {"azimuth_deg": polars.Float64, "elevation_deg": polars.Float64, "utility": polars.Float32}
+    return polars.concat([polars.DataFrame(schema={"view": polars.Int32, **numbers}), *rows], how="vertical")
+
+
+def _field(scene: EnvironmentScene, step: Step, search: Search) -> polars.DataFrame:
+    space = scene.views_at(step.map, step.T_world_sensor)
+    found = utility_field(step.map, scene.sensor, space, Utility(), FIELD_VIEWS, search.rays, search.seed)
+    able = found.overlap >= search.minimum_overlap
+    weights = Utility().attainable(found.seen.shares[able] if able.any() else found.seen.shares)
+    utility = np.asarray(weights(found.seen.shares, found.seen.quality, found.seen.promising))
+    x, y, z = found.poses[:, :3, 2].T
+    return polars.DataFrame(
+        {
+            "view": np.full(len(x), step.number, np.int32),
+            "azimuth_deg": np.rad2deg(np.arctan2(y, x)),
+            "elevation_deg": np.rad2deg(np.arcsin(np.clip(z, -1, 1))),
+            "utility": np.where(able, utility, np.nan).astype(np.float32),
+        }
+    )
 
 
 def _chooser(planner: str, scene: EnvironmentScene) -> Chooser:
