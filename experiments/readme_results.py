@@ -1,8 +1,9 @@
 """Write the tables of results into README.md and experiments/README.md, between their marks, from finished runs.
 
 Run it after ``experiments/convergence.py``, ``experiments/chapter2.py``, ``experiments/hand_eye.py``,
-``experiments/meshing.py`` and the scripts of ``experiments/bench`` with ``--write-baseline``: nothing in the tables is
-typed by hand. With ``--only`` the rows of the other scripts stay as they are.
+``experiments/meshing.py``, ``experiments/next_view.py`` and the scripts of ``experiments/bench`` with
+``--write-baseline``: nothing in the tables is typed by hand. With ``--only`` the rows of the other scripts stay as they
+are.
 """
 
 import argparse
@@ -22,7 +23,8 @@ ROOT = Path(__file__).resolve().parents[1]
 BEGIN, END = "<!-- results: written by experiments/readme_results.py -->", "<!-- end of results -->"
 HAND_EYE = "<!-- hand-eye: written by experiments/readme_results.py -->", "<!-- end of hand-eye -->"
 MESHES = "<!-- meshes: written by experiments/readme_results.py -->", "<!-- end of meshes -->"
-GROUPS = ("convergence", "chapter2", "hand_eye", "meshing", "bench")
+NEXT_VIEW = "<!-- next view: written by experiments/readme_results.py -->", "<!-- end of next view -->"
+GROUPS = ("convergence", "chapter2", "hand_eye", "meshing", "next_view", "bench")
 METHODS = ("axis/angle", "dual quaternions", "nonlinear", "linear", "self-calibration")
 SHOWN = ("converged", "true rotation error", "iterations", "time with extraction")
 PICTURE = "bunny/figures/bun000-bun045-error-and-truth.png"
@@ -194,8 +196,8 @@ def benchmark_rows() -> list[tuple[str, str, str, str]]:
 BASELINE = ROOT / "experiments" / "bench" / "baseline.json"
 
 
-def mesh_tables(folder: Path) -> list[str]:
-    """Every table of both experiments on meshes, as Markdown."""
+def tables_of(folder: Path) -> list[str]:
+    """Every table that a script left in ``results.json``, as Markdown."""
     lines = []
     for table in json.loads((folder / "results.json").read_text())["tables"]:
         lines += [f"*{table['title']}*", "", *_markdown(table["columns"], table["rows"]), ""]
@@ -224,6 +226,7 @@ def main() -> None:
     parser.add_argument("--chapter", type=Path, default=Path("runs/chapter2"), help="--out of chapter2.py")
     parser.add_argument("--hand-eye", type=Path, default=Path("runs/hand-eye"), help="--out of hand_eye.py")
     parser.add_argument("--meshes", type=Path, default=Path("runs/meshing"), help="--out of meshing.py")
+    parser.add_argument("--next-view", type=Path, default=Path("runs/next_view"), help="--out of next_view.py")
     parser.add_argument("--only", nargs="+", choices=GROUPS, default=GROUPS, help="only the rows of these scripts")
     given = parser.parse_args()
     readme, page, pictures = ROOT / "README.md", ROOT / "experiments" / "README.md", ROOT / "experiments" / "pictures"
@@ -233,6 +236,7 @@ def main() -> None:
         "chapter2": lambda: chapter_rows(given.chapter),
         "hand_eye": lambda: hand_eye_rows(given.hand_eye),
         "meshing": lambda: json.loads((given.meshes / "results.json").read_text())["rows"],
+        "next_view": lambda: json.loads((given.next_view / "results.json").read_text())["rows"],
         "bench": benchmark_rows,
     }
     rows |= {name: made[name]() for name in given.only}
@@ -242,8 +246,11 @@ def main() -> None:
         write_between(page, HAND_EYE, hand_eye_tables(given.hand_eye))
         shutil.copyfile(given.hand_eye / "hand_eye.png", pictures / "hand_eye.png")
     if "meshing" in given.only:
-        write_between(page, MESHES, mesh_tables(given.meshes))
+        write_between(page, MESHES, tables_of(given.meshes))
         shutil.copyfile(given.meshes / "meshing.png", pictures / "meshing.png")
+    if "next_view" in given.only:
+        write_between(page, NEXT_VIEW, tables_of(given.next_view))
+        shutil.copyfile(given.next_view / "next_view.png", pictures / "next_view.png")
     if "convergence" in given.only:
         shutil.copyfile(given.runs / PICTURE, pictures / "convergence.png")
     if "chapter2" in given.only:
