@@ -59,7 +59,8 @@ class Placer:
         T = fit.T_model_view
         report = Placement(*self._apart(start, T_world_sensor, centre), *self._apart(T, T_world_sensor, centre))
         turn, shift = fit.deviations
-        sure = fit.outcome is not FitOutcome.LITTLE_SHARED and turn < SURE_DEG and shift < SURE_SHIFT * self.size
+        sure = turn < BELIEVED_DEG and shift < BELIEVED_SHIFT * self.size
+        sure = sure and fit.outcome is not FitOutcome.LITTLE_SHARED
         if sure:
             self.model = self.model.with_view(view, T)
         return Placed(T, sure=sure, report=report)
