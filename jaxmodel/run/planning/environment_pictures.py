@@ -22,7 +22,9 @@ def keep_environment(folder: RunDir, name: str, scene: EnvironmentScene, steps: 
     size = float(np.ptp(vertices, axis=0).max())
     poses = np.stack([step.T_world_sensor for step in steps])
     low, high = vertices[:, 2].min(), vertices[:, 2].max()
-    floor = faces[vertices[faces][:, :, 2].max(axis=1) < high - 0.02 * (high - low)]
+    # the cube without its ceiling; of the rooms, whose ceilings differ, the floor as a plan (Fig. 4.10)
+    lidded = high - 0.02 * (high - low) if scene.name == "cube" else low + 0.02 * (high - low)
+    floor = faces[vertices[faces][:, :, 2].max(axis=1) < lidded]
     grey = np.full((len(floor), 3), 215, np.uint8)
     points, colours = [], []
     for number, step in enumerate(steps[:EARLY]):
