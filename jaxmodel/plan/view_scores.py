@@ -3,6 +3,7 @@
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 from jaxtyping import Float, Int
 
@@ -13,6 +14,9 @@ from jaxmodel.plan.ray_march import look
 from jaxmodel.plan.seen import Seen
 from jaxmodel.plan.utility import Utility
 from jaxmodel.scan.sensor import Sensor
+
+LEAST_ROWS = 256
+"""Views that utilities are computed of at least."""
 
 
 class Scores(NamedTuple):
@@ -61,8 +65,7 @@ class Scorer(NamedTuple):
 
     def scored(self, parameters, poses, seen: Seen) -> Scores:
         """The scores that follow from what is seen."""
-        shares, quality, promise = (np.asarray(of, np.float32) for of in (seen.shares, seen.quality, seen.promising))
-        utility = np.asarray(self.weights(shares, quality, promise))
+        utility = utilities(self.weights, seen)
         met = np.maximum(seen.counts.sum(axis=1), 1)
         overlap = (seen.counts[:, Label.OCCUPIED] + seen.counts[:, Label.BORDER]) / met
         novelty = (seen.counts[:, Label.UNKNOWN] + seen.counts[:, Label.OCCLUSION_PLANE]) / seen.total
@@ -73,6 +76,22 @@ class Scorer(NamedTuple):
             extent = self.map.grid.cell * max(self.map.grid.shape)
             value = value - self.travel * np.linalg.norm(poses[:, :3, 3] - self.eye, axis=1) / extent
         return Scores(parameters, poses, seen, utility, value, overlap, novelty)
+
+
+def utilities(weights: Utility, seen: Seen) -> Float[np.ndarray, " v"]:
+    """The utility of each view. Rows are filled up to a power of two: another number of views compiles nothing."""
+    rows = len(seen.counts)
+    size = max(LEAST_ROWS, 1 << (rows - 1).bit_length()) if rows else LEAST_ROWS
+    filled = (
+        np.pad(np.asarray(of, np.float32), ((0, size - rows), (0, 0)))
+        for of in (seen.shares, seen.quality, seen.promising)
+    )
+    return np.asarray(_utilities(weights, *filled))[:rows]
+
+
+@jax.jit
+def _utilities(weights: Utility, shares: Any, quality: Any, promise: Any) -> Any:
+    return weights(shares, quality, promise)
 
 
 def joined(one: Scores, two: Scores) -> Scores:
