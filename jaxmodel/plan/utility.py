@@ -16,6 +16,10 @@ from jaxmodel.plan.labels import LABELS, Label
 
 LEAST = 1e-3
 """Nearest that a nominal share comes to 0 or 1, where the curve would have no room."""
+LIKELY = 0.5
+"""Weight that a ray without any promise loses: how much is unseen still counts for more than how likely it is near."""
+ROOM = 1.5
+"""Nominal share of what is unseen, in the largest that a view can meet now: at the peak more would count no more."""
 WEIGHED = (Label.OCCUPIED, Label.OCCLUSION_PLANE, Label.BORDER)
 """Labels with a normal, whose terms are weighed by quality (eq. 4.9)."""
 
@@ -83,7 +87,7 @@ class Utility(eqx.Module):
         """
         unseen = jnp.asarray(_among(UNSEEN))
         angle = jnp.where(jnp.asarray(_among(WEIGHED)), quality, 1.0)
-        K = promise if self.likely else angle
+        K = 1 - LIKELY * (1 - promise) if self.likely else angle
         K = jnp.where(unseen, K, self.known * angle)
         return jnp.asarray(_among((*WEIGHED, Label.UNKNOWN))) * K * preference(shares, self.alpha)
 
@@ -101,7 +105,7 @@ class Utility(eqx.Module):
         """
         if not self.scheduled:
             return self
-        unseen = float(np.clip(shares[:, list(UNSEEN)].sum(axis=1).max(initial=0.0), LEAST, 1 - LEAST))
+        unseen = _nominal(shares)
         limit = lambda nominal, label: float(  # noqa: E731
             np.clip(min(float(nominal), float(shares[:, label].max(initial=0.0))), LEAST, 1 - LEAST)
         )
@@ -115,14 +119,19 @@ class Utility(eqx.Module):
 
     def raised(self, shares: Float[np.ndarray, "v 6"]) -> "Utility":
         """The same with the nominal shares of what is unseen no lower than any of these views has them."""
-        unseen = float(shares[:, list(UNSEEN)].sum(axis=1).max(initial=0.0))
+        unseen = _nominal(shares)
         if not self.scheduled or unseen <= float(self.unknown):
             return self
-        return replace(self, occlusion_plane=min(unseen, 1 - LEAST), unknown=min(unseen, 1 - LEAST))
+        return replace(self, occlusion_plane=unseen, unknown=unseen)
 
 
 THESIS = Utility(known=1.0, repeat=0.0, likely=False, scheduled=False)
 """The utility of eqs 4.1 to 4.9 with the thesis's fixed nominal shares."""
+
+
+def _nominal(shares: Float[np.ndarray, "v 6"]) -> float:
+    """Nominal share of what is unseen, for views with these shares."""
+    return float(np.clip(ROOM * shares[:, list(UNSEEN)].sum(axis=1).max(initial=0.0), LEAST, 1 - LEAST))
 
 
 def _among(labels: tuple[Label, ...]) -> np.ndarray:
