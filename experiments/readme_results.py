@@ -179,6 +179,11 @@ def benchmark_rows() -> list[tuple[str, str, str, str]]:
         f"{value['mesh_vs_open3d_05_1_2']:.2g} x with radii of 0.5, 1, 2 mm, "
         f"{value['mesh_vs_open3d_08_12_2']:.2g} x with 0.8, 1.2, 2 mm"
     )
+    rays = (
+        f"{value['march_vs_castray_room_64']:.0f} x (room, 64³), {value['march_vs_castray_room_128']:.0f} x (128³), "
+        f"{value['march_vs_castray_around_64']:.0f} x (object, 64³), "
+        f"{value['march_vs_castray_around_128']:.0f} x (128³); one decision on a 64³ map {value['next_view_seconds_64']:.2f} s"
+    )
     memory = f"{value['peak_memory_100000_vs_1000']:.2f} x"
     return [
         ("starts/s of plain point-to-point ICP, 2 cores", "", sweep, "`python experiments/bench/sweep_vs_peers.py`"),
@@ -188,6 +193,12 @@ def benchmark_rows() -> list[tuple[str, str, str, str]]:
             "",
             meshes,
             "`python experiments/bench/mesh_vs_open3d.py`",
+        ),
+        (
+            "rays/s of the exact march, 2 cores, against pyoctomap's `castRay`, one Python call a ray",
+            "",
+            rays,
+            "`python experiments/bench/ray_march_vs_octomap.py`",
         ),
         ("peak memory, 100 000 starts against 1000", "", memory, "`python experiments/bench/memory.py`"),
     ]
