@@ -179,11 +179,12 @@ def benchmark_rows() -> list[tuple[str, str, str, str]]:
         f"{value['mesh_vs_open3d_05_1_2']:.2g} x with radii of 0.5, 1, 2 mm, "
         f"{value['mesh_vs_open3d_08_12_2']:.2g} x with 0.8, 1.2, 2 mm"
     )
-    rays = (
-        f"{value['march_vs_castray_room_64']:.0f} x (room, 64³), {value['march_vs_castray_room_128']:.0f} x (128³), "
-        f"{value['march_vs_castray_around_64']:.0f} x (object, 64³), "
-        f"{value['march_vs_castray_around_128']:.0f} x (128³); one decision on a 64³ map {value['next_view_seconds_64']:.2f} s"
+    march = ", ".join(
+        f"{value[f'march_vs_castray_{scene}_{cells}']:.0f} x ({name}, {cells}³)"
+        for scene, name in (("room", "room"), ("around", "object"))
+        for cells in (64, 128)
     )
+    rays = f"{march}; one decision on a 64³ map {value['next_view_seconds_64']:.2f} s"
     memory = f"{value['peak_memory_100000_vs_1000']:.2f} x"
     return [
         ("starts/s of plain point-to-point ICP, 2 cores", "", sweep, "`python experiments/bench/sweep_vs_peers.py`"),
