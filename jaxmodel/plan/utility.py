@@ -16,10 +16,6 @@ from jaxmodel.plan.labels import LABELS, Label
 
 LEAST = 1e-3
 """Nearest that a nominal share comes to 0 or 1, where the curve would have no room."""
-LIKELY = 0.5
-"""Weight that a ray without any promise loses: how much is unseen still counts for more than how likely it is near."""
-ROOM = 1.5
-"""Nominal share of what is unseen, in the largest that a view can meet now: at the peak more would count no more."""
 WEIGHED = (Label.OCCUPIED, Label.OCCLUSION_PLANE, Label.BORDER)
 """Labels with a normal, whose terms are weighed by quality (eq. 4.9)."""
 
@@ -46,9 +42,10 @@ class Utility(eqx.Module):
     ``known``: weight of the terms of occupied and border voxels. The thesis's is 1: it trades greed for overlap there;
     where a least overlap is asked of every view anyway, little is left for them to do. ``repeat``: utility lost for a
     view as one already taken. ``likely``: terms of what is unseen are weighed by what its rays promise (:class:`Seen`
-    in ``seen``), where the thesis weighs those of occlusion planes by their angle. ``scheduled``: α follows what
-    views can still meet (:meth:`attainable`). :data:`THESIS` has none of it. Raises :class:`InputError` for a share
-    that is not between 0 and 1 or a negative weight.
+    in ``seen``), where the thesis weighs those of occlusion planes by their angle; ``promise`` is the weight that a ray
+    without any loses. ``scheduled``: α follows what views can still meet (:meth:`attainable`), ``room`` times the most
+    of it: at the peak itself more would count no more. :data:`THESIS` has none of it. Raises :class:`InputError` for a
+    share that is not between 0 and 1 or a negative weight.
     """
 
     occupied: Float[Array, ""] | float = 0.20
@@ -57,6 +54,8 @@ class Utility(eqx.Module):
     border: Float[Array, ""] | float = 0.05
     known: Float[Array, ""] | float = 0.1
     repeat: Float[Array, ""] | float = 0.3
+    promise: Float[Array, ""] | float = 0.5
+    room: Float[Array, ""] | float = 1.5
     likely: bool = eqx.field(static=True, default=True)
     scheduled: bool = eqx.field(static=True, default=True)
 
@@ -65,7 +64,7 @@ class Utility(eqx.Module):
             value = getattr(self, name)
             if isinstance(value, int | float) and not 0 < value < 1:
                 raise InputError(f"utility.{name}: expected a share between 0 and 1, not {value}.")
-        for name in ("known", "repeat"):
+        for name in ("known", "repeat", "promise", "room"):
             value = getattr(self, name)
             if isinstance(value, int | float) and not 0 <= value < np.inf:
                 raise InputError(f"utility.{name}: expected a weight of zero or more, not {value}.")
@@ -87,7 +86,7 @@ class Utility(eqx.Module):
         """
         unseen = jnp.asarray(_among(UNSEEN))
         angle = jnp.where(jnp.asarray(_among(WEIGHED)), quality, 1.0)
-        K = 1 - LIKELY * (1 - promise) if self.likely else angle
+        K = 1 - self.promise * (1 - promise) if self.likely else angle
         K = jnp.where(unseen, K, self.known * angle)
         return jnp.asarray(_among((*WEIGHED, Label.UNKNOWN))) * K * preference(shares, self.alpha)
 
@@ -105,7 +104,7 @@ class Utility(eqx.Module):
         """
         if not self.scheduled:
             return self
-        unseen = _nominal(shares)
+        unseen = self._nominal(shares)
         limit = lambda nominal, label: float(  # noqa: E731
             np.clip(min(float(nominal), float(shares[:, label].max(initial=0.0))), LEAST, 1 - LEAST)
         )
@@ -119,19 +118,19 @@ class Utility(eqx.Module):
 
     def raised(self, shares: Float[np.ndarray, "v 6"]) -> "Utility":
         """The same with the nominal shares of what is unseen no lower than any of these views has them."""
-        unseen = _nominal(shares)
+        unseen = self._nominal(shares)
         if not self.scheduled or unseen <= float(self.unknown):
             return self
         return replace(self, occlusion_plane=unseen, unknown=unseen)
 
+    def _nominal(self, shares: Float[np.ndarray, "v 6"]) -> float:
+        """Nominal share of what is unseen, for views with these shares."""
+        most = float(shares[:, list(UNSEEN)].sum(axis=1).max(initial=0.0))
+        return float(np.clip(float(self.room) * most, LEAST, 1 - LEAST))
+
 
 THESIS = Utility(known=1.0, repeat=0.0, likely=False, scheduled=False)
 """The utility of eqs 4.1 to 4.9 with the thesis's fixed nominal shares."""
-
-
-def _nominal(shares: Float[np.ndarray, "v 6"]) -> float:
-    """Nominal share of what is unseen, for views with these shares."""
-    return float(np.clip(ROOM * shares[:, list(UNSEEN)].sum(axis=1).max(initial=0.0), LEAST, 1 - LEAST))
 
 
 def _among(labels: tuple[Label, ...]) -> np.ndarray:

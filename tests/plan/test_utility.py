@@ -7,7 +7,7 @@ import pytest
 
 from jaxmodel.errors import InputError
 from jaxmodel.plan.labels import LABELS, Label
-from jaxmodel.plan.utility import LEAST, ROOM, THESIS, Utility, preference
+from jaxmodel.plan.utility import LEAST, THESIS, Utility, preference
 
 ALPHAS = np.array([0.001, 0.05, 0.2, 0.375, 0.5, 0.9])
 
@@ -103,7 +103,7 @@ def test_a_schedule_rises_with_what_is_unseen_and_keeps_the_thesis_s_shares_of_w
     found = Utility().attainable(shares)
     assert found.unknown == found.occlusion_plane
     most = (shares[:, Label.UNKNOWN] + shares[:, Label.OCCLUSION_PLANE]).max()
-    assert found.unknown == pytest.approx(min(ROOM * most, 1 - LEAST))
+    assert found.unknown == pytest.approx(min(1.5 * most, 1 - LEAST))
     assert (found.occupied, found.border) == (0.2, 0.05)
     assert THESIS.attainable(shares) is THESIS
     more = shares.copy()
@@ -121,7 +121,7 @@ def test_a_nominal_share_must_lie_between_0_and_1(value: float) -> None:
         Utility(unknown=value)
 
 
-@pytest.mark.parametrize("name", ["known", "repeat"])
+@pytest.mark.parametrize("name", ["known", "repeat", "promise", "room"])
 def test_a_weight_is_zero_or_more(name: str) -> None:
     with pytest.raises(InputError, match=rf"utility\.{name}: expected a weight of zero or more"):
-        Utility(known=-0.1) if name == "known" else Utility(repeat=-0.1)
+        Utility(**{name: -0.1})  # pyright: ignore[reportArgumentType]

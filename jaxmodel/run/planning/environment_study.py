@@ -34,6 +34,8 @@ __all__ = ["Config", "EnvironmentStudy", "draw", "prepare", "tables"]
 
 EARLY, FIELD_VIEWS = 6, 4000
 """Views after which the field of utility is drawn, and how finely."""
+INDOORS = Utility(promise=1.0, room=1.0)
+"""From within, most of what is unseen lies behind what is near: rays that end close by are to count for little."""
 COMPLETE = [ending.name.lower() for ending in (Ending.NOTHING_NEW, Ending.LITTLE_NEW, Ending.LITTLE_GAIN)]
 """Endings of an exploration that left nothing worth a view."""
 
@@ -171,9 +173,9 @@ def _fields(scene: EnvironmentScene, steps: list[Step], search: Search) -> polar
 
 def _field(scene: EnvironmentScene, step: Step, search: Search) -> polars.DataFrame:
     space = scene.views_at(step.map, step.T_world_sensor)
-    found = utility_field(step.map, scene.sensor, space, Utility(), FIELD_VIEWS, search.rays, search.seed)
+    found = utility_field(step.map, scene.sensor, space, INDOORS, FIELD_VIEWS, search.rays, search.seed)
     able = found.overlap >= search.minimum_overlap
-    weights = Utility().attainable(found.seen.shares[able] if able.any() else found.seen.shares)
+    weights = INDOORS.attainable(found.seen.shares[able] if able.any() else found.seen.shares)
     utility = np.asarray(weights(found.seen.shares, found.seen.quality, found.seen.promising))
     x, y, z = found.poses[:, :3, 2].T
     return polars.DataFrame(
@@ -188,8 +190,8 @@ def _field(scene: EnvironmentScene, step: Step, search: Search) -> polars.DataFr
 
 def _chooser(planner: str, scene: EnvironmentScene) -> Chooser:
     if planner == "utility":
-        return by_utility(scene.sensor)
-    return lambda map, space, search, taken: hill_climbing(map, scene.sensor, space, taken[-1], search)
+        return by_utility(scene.sensor, INDOORS)
+    return lambda map, space, search, taken: hill_climbing(map, scene.sensor, space, taken[-1], search, INDOORS)
 
 
 def _row(seen: Seen, scene: EnvironmentScene, seconds: float) -> dict[str, Any]:
