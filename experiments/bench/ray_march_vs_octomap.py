@@ -166,7 +166,7 @@ def decision(scene: Scene, runs: int) -> tuple[float, float]:
     middle = grid.origin + grid.cell * np.array(grid.shape) / 2
     space = ObservationSphere(middle, float(np.linalg.norm(scene.poses[0, :3, 3] - middle)))
     sensor = Sensor(200, 200, field_of_view_deg=40.0)
-    work = lambda: next_view(scene.map, sensor, space, taken=scene.poses[:3])  # noqa: E731
+    work = lambda: next_view(scene.map, sensor, space, taken=list(scene.poses[:3]))  # noqa: E731
     first = seconds(work)
     return float(np.median([seconds(work) for _ in range(runs)])), first
 
