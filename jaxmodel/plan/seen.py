@@ -76,7 +76,13 @@ def once(met: Met, voxels: int) -> Met:
 
 
 def counted(met: Met) -> tuple[Int[jax.Array, "g 6"], Float[jax.Array, "g 6"], Float[jax.Array, "g 6"]]:
-    """Rays, cosines and promise of each label, summed by view in one order on every device."""
+    """Rays, cosines and promise of each label, summed by view.
+
+    Cosines and promise, from 0 to 1, are summed as whole numbers, fine enough that no sum overflows: a float sum
+    depends on the order the compiler chooses, and that on how many views are grouped.
+    """
     chosen = [met.label == label for label in range(LABELS)]
-    summed = lambda row: jnp.stack([jnp.sum(jnp.where(of, row, 0), axis=1) for of in chosen], axis=1)  # noqa: E731
-    return summed(jnp.ones_like(met.label)), summed(met.cosine), summed(met.promise)
+    fine = 2.0 ** (30 - (met.label.shape[1] - 1).bit_length())
+    total = lambda row: jnp.stack([jnp.sum(jnp.where(of, row, 0), axis=1) for of in chosen], axis=1)  # noqa: E731
+    exact = lambda row: (total(jnp.round(row * fine).astype(jnp.int32)) / fine).astype(row.dtype)  # noqa: E731
+    return total(jnp.ones_like(met.label)), exact(met.cosine), exact(met.promise)

@@ -38,15 +38,6 @@ LOOSE = 0.05
 in the plane it first fell into, and no contour could move it on."""
 INDEPENDENT = 3.0
 """Independent readings that all contour points together are believed as: a pixel hides the same from a whole edge."""
-ALIKE = 0.7
-"""Least cosine between the normals of partners."""
-SURFACE_SCATTER, CONTOUR_SCATTER = 1e-4, 2e-3
-"""Least standard deviation that is believed, in the size of the model."""
-LOOSE = 0.05
-"""Least standard deviation of a surface while far partners are allowed, in the reach: exact planes would hold a view
-in the plane it first fell into, and no contour could move it on."""
-ALIKE_CONTOURS = 50.0
-"""Contour points that err together, by what a pixel hides: they are fitted one by one, believed as one."""
 SOFT = 2.0
 """Scatters at which a pair's weight has fallen to a quarter (Geman and McClure)."""
 NEIGHBOURS = 7
