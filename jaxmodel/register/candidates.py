@@ -71,7 +71,7 @@ class PairOfViews(NamedTuple):
         """Where ICP goes from each pose, the source's sample against the target's thinned surface."""
         found = run(Icp(self._problem(), method), Pose(*self.frames.to_centred(T)), ENGINE)
         R, t = np.asarray(found.pose.rotation, np.float64), np.asarray(found.pose.translation)
-        finite = np.isfinite(R).all(axis=(1, 2)) & np.isfinite(t).all(axis=1)
+        finite = np.asarray(np.isfinite(R).all(axis=(1, 2)) & np.isfinite(t).all(axis=1))
         R = quaternion_to_rotation(rotation_to_quaternion(np.where(finite[:, None, None], R, np.eye(3))))
         return np.where(finite[:, None, None], self.frames.from_centred(R, np.where(finite[:, None], t, 0.0)), T)
 

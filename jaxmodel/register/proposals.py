@@ -40,7 +40,8 @@ def alike(
     """The ``count`` most distinct of the pairs (target row, source row) that look alike.
 
     A pair looks alike when either is among the ``ALTERNATIVES`` nearest of the other, features being rows of one
-    length; those that are so both ways come first, then the closest.
+    length; those that are so both ways come first. Half are the closest, half those closest beyond what they have in
+    common with everything: of a solid with flat faces the closest pairs are flat, and say nothing.
     """
     likeness = target.astype(np.float32) @ source.T.astype(np.float32)
     mine, theirs = (_most_alike(matrix) for matrix in (likeness, likeness.T))
@@ -50,8 +51,13 @@ def alike(
     rows, columns = (np.concatenate(both) for both in zip(*pairs, strict=True))
     key, times = np.unique(rows * n + columns, return_counts=True)
     rows, columns = key // n, key % n
-    order = np.lexsort((-likeness[rows, columns], times == 1))[:count]
-    return rows[order], columns[order]
+    closeness = likeness[rows, columns]
+    usual = np.maximum(likeness.mean(axis=1)[rows], likeness.mean(axis=0)[columns])
+    by_closeness = np.lexsort((-closeness, times == 1))
+    by_rarity = np.lexsort((usual - closeness, times == 1))
+    chosen = np.stack([by_closeness, by_rarity], axis=1).ravel()
+    chosen = chosen[np.sort(np.unique(chosen, return_index=True)[1])][:count]
+    return rows[chosen], columns[chosen]
 
 
 def _most_alike(likeness: Float[np.ndarray, "m n"]) -> Int[np.ndarray, "m k"]:

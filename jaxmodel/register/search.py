@@ -5,16 +5,27 @@ with what the sensors saw (``evidence.py``), and fewer and fewer go on to finer 
 ICP, the exact fit (``refine_pair.py``), a last look around the best. What is left is judged (``verdict.py``).
 """
 
+from collections.abc import Mapping
+
 import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
+from jaxmodel.errors import InputError
 from jaxmodel.register.candidates import Candidates, PairOfViews
 from jaxmodel.register.method import IcpMethod, Strategy, ZhangFilter
 from jaxmodel.register.proposals import Pairs, alike, propose
 from jaxmodel.register.refine_pair import refine
 from jaxmodel.register.starts import even_rotations
+from jaxmodel.register.verdict import Found, judged, same_scan
+from jaxmodel.register.view_of_scan import ViewOfScan, size_of, view_of
+from jaxmodel.scan.cloud import Cloud
+from jaxmodel.scan.range_image import RangeImage
+
+Scan = RangeImage | Cloud | np.ndarray
+MOST_RATIO = 50.0
+"""Of the sizes of two scans of one object: beyond, they are taken for different units."""
 
 FROM_GRID = IcpMethod(
     strategies=(Strategy(),),
@@ -62,6 +73,49 @@ class SearchOptions(eqx.Module):
         for name in self.__dataclass_fields__:
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} must be greater than 0, not {getattr(self, name)}")
+
+
+def search(target: Scan, source: Scan, options: SearchOptions | None = None) -> Found:
+    """Register two scans from no first guess, and say how far to trust the result.
+
+    Args:
+        target: range image, cloud or points ``(n, 3)`` that stays. A range image also tells of free space.
+        source: the scan that is moved onto it.
+        options: how hard to try.
+
+    Raises:
+        InputError: a scan that cannot be registered, or two of different units.
+    """
+    views, length = views_of({"the target": target, "the source": source})
+    return search_pair(PairOfViews(views["the target"], views["the source"], length), options)
+
+
+def search_pair(pair: PairOfViews, options: SearchOptions | None = None) -> Found:
+    """As :func:`search`, of two views made ready with others (:func:`views_of`)."""
+    mine, theirs = pair.target.whole.points, pair.source.whole.points
+    if mine.shape == theirs.shape and np.abs(mine - theirs).max() <= 1e-9 * pair.length:
+        return same_scan()
+    return judged(candidates(pair, SearchOptions() if options is None else options))
+
+
+def views_of(scans: Mapping[str, Scan]) -> tuple[dict[str, ViewOfScan], float]:
+    """Scans by name, made ready to be searched in pairs, and the length that all measure in.
+
+    Raises:
+        InputError: a scan that cannot be registered, or sizes so far apart that the units must differ.
+    """
+    sizes = {name: size_of(scan, name) for name, scan in scans.items()}
+    small, large = min(sizes, key=lambda name: sizes[name]), max(sizes, key=lambda name: sizes[name])
+    ratio = sizes[large] / sizes[small]
+    if ratio > MOST_RATIO:
+        metres = 300 < ratio < 3000
+        units = ", like metres and millimetres (a factor of 1000): scale one of them" if metres else ""
+        raise InputError(
+            f"{small} is {sizes[small]:.4g} across and {large} {sizes[large]:.4g}: expected scans of one unit, these "
+            f"seem to be in different ones{units}"
+        )
+    length = float(np.median(list(sizes.values()))) if len(sizes) > 2 else sizes[small]
+    return {name: view_of(scan, length, name) for name, scan in scans.items()}, length
 
 
 def candidates(pair: PairOfViews, options: SearchOptions) -> Candidates:

@@ -9,7 +9,7 @@ from jaxmodel.control_points.subsample import voxel_subsample
 from jaxmodel.geometry.nearest import build_table
 from jaxmodel.register.evidence import Side, as_sample
 from jaxmodel.register.refine_pair import Surface, surface_of
-from jaxmodel.scan.cloud import Cloud, as_cloud, resolution
+from jaxmodel.scan.cloud import Cloud, as_cloud
 from jaxmodel.scan.depth_map import depth_map, no_depth_map
 from jaxmodel.scan.estimate import estimate_borders, estimate_normals
 from jaxmodel.scan.range_image import RangeImage
@@ -23,18 +23,15 @@ RADII = (0.08, 0.16)
 
 
 class ViewOfScan(eqx.Module):
-    """``whole``: every valid point with its normal; ``thin``: those that stand for the surface, in spatial balance;
-    ``centre (3,)`` their mean, which ``side`` is about; ``size``: diagonal of the box; ``resolution`` of the whole;
-    ``oriented``: normals face the sensor (a range image's do, a bare cloud's cannot be trusted to); ``described``
-    rows of ``thin`` with their ``features``; ``surface``: the points inside the scan, for the exact fit.
+    """``whole``: every valid point with its normal; ``thin``: those that stand for the surface, evenly spread;
+    ``centre (3,)`` the mean of the whole, which ``side`` is about; ``size``: diagonal of its box; ``described`` rows of
+    ``thin`` with their ``features``; ``surface``: the points inside the scan, for the exact fit.
     """
 
     whole: Cloud
     thin: Cloud
     centre: Float[np.ndarray, "3"]
     size: float
-    resolution: float
-    oriented: bool
     described: Int[np.ndarray, " f"]
     features: Float[np.ndarray, "f d"]
     side: Side
@@ -53,28 +50,30 @@ def view_of(scan: RangeImage | Cloud | np.ndarray, length: float, what: str = "t
     cloud = as_cloud(scan, what)
     points = np.asarray(cloud.points, np.float64)
     centre = points.mean(axis=0)
-    normals = cloud.normals if cloud.normals is not None else estimate_normals(points - centre)
-    border = cloud.border if cloud.border is not None else estimate_borders(points - centre)
-    whole = Cloud(points, np.asarray(normals, np.float64), np.asarray(border, bool))
-    inner = whole.take(~whole.border) if (~whole.border).sum() >= 50 else whole
-    thin = inner.take(voxel_subsample(inner.points, POINTS))
-    sample = thin.take(voxel_subsample(thin.points, SAMPLE))
-    sight = depth_map(scan, centre) if isinstance(scan, RangeImage) else no_depth_map()
-    about = thin.points - centre
+    normals = np.asarray(estimate_normals(points - centre) if cloud.normals is None else cloud.normals, np.float64)
+    border = np.asarray(estimate_borders(points - centre) if cloud.border is None else cloud.border, bool)
+    inner = ~border if (~border).sum() >= 50 else np.ones(len(points), bool)
+    rows = np.flatnonzero(inner)[voxel_subsample(points[inner], POINTS)]
+    asked = rows[voxel_subsample(points[rows], SAMPLE)]
+    about = points[rows] - centre
     side = Side(
         points=as_sample(about, POINTS),
-        normals=as_sample(thin.normals, POINTS),
+        normals=as_sample(normals[rows], POINTS),
         table=build_table(about, CELLS, 1, 0.25 * float(np.ptp(about, axis=0).max())),
-        sample=as_sample(sample.points - centre, SAMPLE),
-        sample_normals=as_sample(sample.normals, SAMPLE),
-        mask=np.arange(SAMPLE) < len(sample),
-        sight=sight,
+        sample=as_sample(points[asked] - centre, SAMPLE),
+        sample_normals=as_sample(normals[asked], SAMPLE),
+        mask=np.arange(SAMPLE) < len(asked),
+        sight=depth_map(scan, centre) if isinstance(scan, RangeImage) else no_depth_map(),
     )
-    size = float(np.linalg.norm(np.ptp(points, axis=0)))
-    described = voxel_subsample(thin.points, FEATURES)
-    around = [point_features(thin.points, thin.normals, radius * length)[described] for radius in RADII]
-    features = np.concatenate(around, axis=1)
-    oriented = isinstance(scan, RangeImage)
+    described = voxel_subsample(points[rows], FEATURES)
+    around = [point_features(points[rows], normals[rows], radius * length)[described] for radius in RADII]
     return ViewOfScan(
-        whole, thin, centre, size, resolution(points), oriented, described, features, side, surface_of(inner)
+        whole=Cloud(points, normals, border),
+        thin=Cloud(points[rows], normals[rows], border[rows]),
+        centre=centre,
+        size=float(np.linalg.norm(np.ptp(points, axis=0))),
+        described=described,
+        features=np.concatenate(around, axis=1),
+        side=side,
+        surface=surface_of(Cloud(points[inner], normals[inner])),
     )

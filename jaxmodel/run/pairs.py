@@ -6,22 +6,25 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 
-from jaxmodel.io.datasets import MeshViews, ObjectViews, StanfordBunny, mesh_file
+from jaxmodel.geometry.se3 import inverse
+from jaxmodel.io.datasets import MeshViews, StanfordBunny, mesh_file
 from jaxmodel.io.meshes import load_mesh
 from jaxmodel.io.poses import load_truth
 from jaxmodel.io.scans import load_scan
 from jaxmodel.run.config import BunnyScans, MeshScans, ObjectScans, Scans
 from jaxmodel.scan.cloud import Cloud, as_cloud
-from jaxmodel.scan.objects import FREE_FORM
+from jaxmodel.scan.known_solids import KNOWN_SOLIDS
+from jaxmodel.scan.objects import FREE_FORM, OBJECTS, object_mesh
 from jaxmodel.scan.range_image import RangeImage
-from jaxmodel.scan.triangle_mesh import unit_sized, upright
+from jaxmodel.scan.triangle_mesh import ObjectMesh, unit_sized, upright
 
 
 @dataclass(frozen=True)
 class Pair:
     """Two scans to align: ``source`` is moved onto ``target``; ``T_target_source`` is the truth, if known.
 
-    ``subject`` is what both show; several pairs may show the same.
+    ``subject`` is what both show; several pairs may show the same. ``solid``: its surface in the target's frame, where
+    the scans are made from it.
     """
 
     name: str
@@ -31,6 +34,7 @@ class Pair:
     T_target_source: Float[np.ndarray, "4 4"] | None = None
     files: tuple[Path, ...] = ()
     subject: str = ""
+    solid: ObjectMesh | None = None
 
 
 def load_pairs(scans: Scans, seed: int) -> list[Pair]:
@@ -64,7 +68,8 @@ def source_extent(pair: Pair) -> tuple[Float[np.ndarray, "3"], float]:
 
 
 def _object_pairs(name: str, scans: ObjectScans, seed: int) -> list[Pair]:
-    views = ObjectViews(name, _angles(scans), scans.sensor, scans.noise, seed)
+    solid = KNOWN_SOLIDS[name]() if name in KNOWN_SOLIDS and name not in OBJECTS else object_mesh(name)
+    views = MeshViews(name, solid, _angles(scans), scans.sensor, scans.noise, seed)
     return _turned_pairs(name, "free_form" if name in FREE_FORM else "structured", views, scans, ())
 
 
@@ -99,6 +104,7 @@ def _turned_pairs(
                 T_target_source=views.T_target_source(target, source),
                 files=files,
                 subject=subject,
+                solid=_moved(views.mesh, inverse(views.T_world_scan(target))),
             )
         )
     return pairs
@@ -141,3 +147,7 @@ def _overlapping(bunny: StanfordBunny, least: float, distance: float) -> tuple[t
     return tuple(
         (a, b) for i, a in enumerate(names) for b in names[i + 1 :] if covered(a, b) >= least and covered(b, a) >= least
     )
+
+
+def _moved(mesh: ObjectMesh, T: Float[np.ndarray, "4 4"]) -> ObjectMesh:
+    return ObjectMesh(mesh.vertices @ T[:3, :3].T + T[:3, 3], mesh.faces)
