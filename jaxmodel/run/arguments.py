@@ -86,9 +86,10 @@ class Sweep:
 class Register:
     """Register one pair of scans and write transform.json.
 
-    Without --init the best of 500 evenly spread starts is taken.
+    Without --init the pose is searched for, and judged: the probability that it is right is the confidence. With
+    --init, ICP goes on from there; with --method alone, the best of 500 evenly spread starts is taken.
 
-    Example: jaxmodel register bun000.ply bun045.ply --init guess.txt --out runs/one
+    Example: jaxmodel register bun000.ply bun045.ply --out runs/one
     """
 
     target: _Positional[Path]
@@ -97,8 +98,8 @@ class Register:
     """Scan that is moved onto it."""
     init: Path | None = None
     """First guess of T_target_source: 4 x 4 text, .npy or JSON."""
-    method: str = "thesis_2005"
-    """A registration method, by the name of its file in configs/methods."""
+    method: str | None = None
+    """A registration method, by the name of its file in configs/methods: thesis_2005 where --init is given."""
     control_points: ControlPointsKind = "subsample"
     """Points that drive the registration."""
     labels: Labels = ("crease",)

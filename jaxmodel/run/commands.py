@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from jaxmodel.errors import InputError
+from jaxmodel.errors import InputError, RunError
 from jaxmodel.io.results import RunDir, json_text, read_json
 from jaxmodel.io.strict_yaml import config_files, override, read_yaml
 from jaxmodel.run import arguments, console
@@ -14,7 +14,7 @@ from jaxmodel.run.provenance import check_same, manifest
 from jaxmodel.run.registry import EXPERIMENTS, experiment_module, load_experiment, prepare_experiment
 
 REGISTER_STARTS = 500
-"""Evenly spread starts that ``jaxmodel register`` tries when it is given no first guess."""
+"""Evenly spread starts that ``jaxmodel register --method`` tries when it is given no first guess."""
 
 
 def run(command: arguments.Run, changes: list[tuple[str, str]], line: str) -> None:
@@ -40,20 +40,42 @@ def sweep(command: arguments.Sweep, line: str) -> None:
 
 
 def register(command: arguments.Register, line: str) -> None:
-    """``jaxmodel register``: one motion, in ``transform.json``."""
-    starts: dict[str, Any] = {"kind": "even", "count": REGISTER_STARTS}
-    if command.init is not None:
-        starts = {"kind": "file", "path": str(command.init.absolute())}
+    """``jaxmodel register``: one motion, in ``transform.json``; a search that finds none it believes ends with 1."""
     out, resumed = folder_of(command, None), command.resume is not None
-    summary = run_experiment(_filerun_experiment(command, None, starts), "jaxmodel register", out, resumed, False, line)
-    from jaxmodel.run.single import transform_of
+    searched = command.init is None and command.method is None
+    if searched and (command.control_points != "subsample" or command.labels != ("crease",) or command.count != 2000):
+        raise InputError("--control-points, --labels and --count need --init or --method: a search chooses its own")
+    raw = _search_experiment(command) if searched else _filerun_experiment(command, None, _starts(command))
+    summary = run_experiment(raw, "jaxmodel register", out, resumed, False, line)
+    from jaxmodel.run.single import searched_transform, transform_of
 
-    result = transform_of(command.target, command.source, summary["cases"][0])
+    if searched:
+        result = searched_transform(command.target, command.source, summary["pairs"][0])
+    else:
+        result = transform_of(command.target, command.source, summary["cases"][0])
     with RunDir.resume(out) as folder:
         folder.write_json("transform.json", result)
     console.write(f"wrote {out / 'transform.json'}: {result['sentence']}, overlap {result['overlap']:.2f}")
+    refused = searched and result["outcome"] == "refused"
     if command.json:
-        console.write(json_text({"status": "ok", "out": str(out), **result}, indent=None))
+        status = "failed" if refused else "ok"
+        console.write(json_text({"status": status, "out": str(out), **result}, indent=None))
+    if refused:
+        raise RunError(
+            f"{result['sentence']} (confidence {result['confidence']:.2f}); the best pose is in {out / 'transform.json'}"
+        )
+
+
+def _starts(command: arguments.Register) -> dict[str, Any]:
+    if command.init is None:
+        return {"kind": "even", "count": REGISTER_STARTS}
+    return {"kind": "file", "path": str(command.init.absolute())}
+
+
+def _search_experiment(command: arguments.Register) -> dict[str, Any]:
+    """The experiment ``search`` on two files, as a YAML would say it."""
+    files = {"target": str(command.target.absolute()), "source": str(command.source.absolute())}
+    return {"experiment": "search", "seed": command.seed, "scans": [{"kind": "files", **files}]}
 
 
 def _filerun_experiment(
@@ -71,7 +93,7 @@ def _filerun_experiment(
         },
         "control_points": [_control_points(command)],
         "starts": starts,
-        "method": command.method,
+        "method": command.method or "thesis_2005",
         "claims": {"starts": 0},
     }
 

@@ -35,6 +35,32 @@ def transform_of(target: Path, source: Path, case: Mapping[str, Any]) -> dict[st
     }
 
 
+def searched_transform(target: Path, source: Path, pair: Mapping[str, Any]) -> dict[str, Any]:
+    """The content of ``transform.json`` from the one pair of a search without a first guess.
+
+    Returns:
+        ``T_target_source``; ``outcome`` and its ``sentence``; ``error``, the root mean square distance to tangent
+        planes where the scans meet, unit of the data; ``overlap`` as of :func:`transform_of`; ``confidence``, the
+        probability that the pose is right, up to the object's symmetries; ``shared``, the shares of target and source
+        that lie on each other; ``contradicted``, the shares of both, added, that stand where the other's sensor saw
+        through; ``rival``, how close the next different pose comes, 0 to 1; ``equivalents``, the poses as good.
+    """
+    T = np.array(pair["T_target_source"], dtype=np.float64)
+    clouds = [as_cloud(load_scan(path)).points for path in (target, source)]
+    return {
+        "T_target_source": pair["T_target_source"],
+        "outcome": pair["outcome"],
+        "sentence": pair["sentence"],
+        "error": pair["scatter"],
+        "overlap": overlap(clouds[0], clouds[1], T),
+        "confidence": pair["probability"],
+        "shared": [pair["overlap_target"], pair["overlap_source"]],
+        "contradicted": pair["contradicted"],
+        "rival": pair["rival"],
+        "equivalents": pair["equivalents"],
+    }
+
+
 def overlap(
     target: Float[np.ndarray, "n 3"], source: Float[np.ndarray, "m 3"], T_target_source: Float[np.ndarray, "4 4"]
 ) -> float:

@@ -27,6 +27,12 @@ from jaxmodel.run.searching.summary import summarised
 
 __all__ = ["Config", "SearchStudy", "draw", "prepare", "tables"]
 
+TYPES = {
+    "equivalents": polars.List(polars.List(polars.Float64)),
+    **dict.fromkeys(("turn_deg", "shift", "true_target", "true_source"), polars.Float64),
+    **dict.fromkeys(("right", "alike"), polars.Boolean),
+}
+"""Of columns that may be empty in one pair and not in another."""
 MOST_DRAWN = 12
 """Pairs that get pictures: the first ones."""
 
@@ -83,7 +89,7 @@ class SearchStudy(Prepared):
             progress.describe(pair.name)
             parts = folder.read_parts(f"pair{number:05d}")
             if 0 not in parts:
-                parts[0] = polars.DataFrame([self._row(folder, number, pair)])
+                parts[0] = polars.DataFrame([self._row(folder, number, pair)], schema_overrides=TYPES)
                 folder.write_part(f"pair{number:05d}", 0, parts[0])
             rows.append(parts[0])
             progress.advance(1)
@@ -154,5 +160,5 @@ def _told(found: Found) -> dict[str, Any]:
         "contradicted": found.contradicted,
         "scatter": found.scatter,
         "rival": found.rival,
-        "equivalents": [np.asarray(T)[:3].ravel().tolist() for T in found.equivalents],
+        "equivalents": [[float(v) for v in np.asarray(T)[:3].ravel()] for T in found.equivalents],
     }

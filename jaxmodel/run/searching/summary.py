@@ -12,7 +12,7 @@ BINS = 5
 
 
 def summarised(table: polars.DataFrame, least_overlap: float) -> dict[str, Any]:
-    """``pairs``: each in short; ``counts`` by family of subject, and how well the probability knew, where a truth is."""
+    """``pairs``: each in short; where there is a truth, counts by subject and how well the probability knew."""
     pairs = [_pair(row) for row in table.iter_rows(named=True)]
     known = table.filter(polars.col("right").is_not_null())
     summary: dict[str, Any] = {"pairs": pairs, "least_overlap": least_overlap, "subjects": []}
