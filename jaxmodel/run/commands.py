@@ -61,9 +61,8 @@ def register(command: arguments.Register, line: str) -> None:
         status = "failed" if refused else "ok"
         console.write(json_text({"status": status, "out": str(out), **result}, indent=None))
     if refused:
-        raise RunError(
-            f"{result['sentence']} (confidence {result['confidence']:.2f}); the best pose is in {out / 'transform.json'}"
-        )
+        told = f"{result['sentence']} (confidence {result['confidence']:.2f})"
+        raise RunError(f"{told}; the best pose is in {out / 'transform.json'}")
 
 
 def _starts(command: arguments.Register) -> dict[str, Any]:
