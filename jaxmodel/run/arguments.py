@@ -117,6 +117,32 @@ class Register:
 
 
 @dataclass(frozen=True)
+class Align:
+    """Put a whole set of scans in one frame, no pose known: poses.json and merged.ply.
+
+    Every pair is searched, the believed ones join the views, and all poses are fitted to all points at once. The frame
+    is that of the first scan that could be joined.
+
+    Example: jaxmodel align scans/*.ply --out runs/aligned
+    """
+
+    scans: _Positional[tuple[Path, ...]]
+    """Scans of one object: range images or clouds (ply, pcd, obj, stl, xyz, npz, pts, osu)."""
+    order: Literal["graph", "incremental", "cycle_views", "cycle_of_cycles", "tournament"] = "graph"
+    """All pairs at once, or one of the thesis's orders of fusion; all points at once come last in any case."""
+    truth: Path | None = None
+    """True poses to be compared with: a Stanford .conf or JSON of poses."""
+    seed: int = 0
+    """Of every random draw."""
+    out: Path | None = None
+    """Folder for the results, not yet existing. Required unless --resume is given."""
+    resume: Path | None = None
+    """Folder of an interrupted alignment to continue."""
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """End standard output with one line of JSON."""
+
+
+@dataclass(frozen=True)
 class Report:
     """Draw the figures and report.html of a finished run again.
 
@@ -165,12 +191,13 @@ class Data:
     )
 
 
-AnyCommand = Run | Sweep | Register | Calibrate | Mesh | Plan | Report | Data
+AnyCommand = Run | Sweep | Register | Align | Calibrate | Mesh | Plan | Report | Data
 
 _Command = (
     Annotated[Run, tyro.conf.subcommand("run")]
     | Annotated[Sweep, tyro.conf.subcommand("sweep")]
     | Annotated[Register, tyro.conf.subcommand("register")]
+    | Annotated[Align, tyro.conf.subcommand("align")]
     | Annotated[Calibrate, tyro.conf.subcommand("calibrate")]
     | Annotated[Mesh, tyro.conf.subcommand("mesh")]
     | Annotated[Plan, tyro.conf.subcommand("plan")]

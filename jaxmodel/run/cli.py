@@ -60,6 +60,8 @@ def _run(command: arguments.AnyCommand, changes: list[tuple[str, str]], words: l
             commands.sweep(command, line)
         case arguments.Register():
             commands.register(command, line)
+        case arguments.Align():
+            commands.align(command, line)
         case arguments.Calibrate():
             from jaxmodel.run.calibration.command import calibrate
 

@@ -65,6 +65,26 @@ def register(command: arguments.Register, line: str) -> None:
         raise RunError(f"{told}; the best pose is in {out / 'transform.json'}")
 
 
+def align(command: arguments.Align, line: str) -> None:
+    """``jaxmodel align``: the experiment ``multiview`` on scan files."""
+    raw: dict[str, Any] = {
+        "experiment": "multiview",
+        "seed": command.seed,
+        "scans": {
+            "kind": "files",
+            "paths": [str(path.absolute()) for path in command.scans],
+            "truth": None if command.truth is None else str(command.truth.absolute()),
+        },
+        "orders": [command.order],
+    }
+    out, resumed = folder_of(command, None), command.resume is not None
+    summary = run_experiment(raw, "jaxmodel align", out, resumed, command.json, line)
+    placed = sum(view["placed"] for view in summary["views"])
+    console.write(f"wrote {out / 'poses.json'} and {out / 'merged.ply'}: {placed} of {len(summary['views'])} scans")
+    if summary["left_out"]:
+        console.write(f"note: no pair that is believed joins {', '.join(summary['left_out'])} to the others")
+
+
 def _starts(command: arguments.Register) -> dict[str, Any]:
     if command.init is None:
         return {"kind": "even", "count": REGISTER_STARTS}
@@ -166,7 +186,12 @@ def _config_path(given: Path) -> Path:
 
 
 def folder_of(
-    command: arguments.Run | arguments.Sweep | arguments.Register | arguments.Calibrate | arguments.Plan,
+    command: arguments.Run
+    | arguments.Sweep
+    | arguments.Register
+    | arguments.Align
+    | arguments.Calibrate
+    | arguments.Plan,
     name: str | None,
 ) -> Path:
     """The folder that a command names; without one, the first free number below ``runs`` if ``name`` is given."""

@@ -20,6 +20,7 @@ EXPERIMENTS = {
     "convergence": "jaxmodel.run.convergence",
     "edges": "jaxmodel.run.chapter2.edge_quality",
     "search": "jaxmodel.run.searching.study",
+    "multiview": "jaxmodel.run.aligning.study",
     "mesh_segments": "jaxmodel.run.meshing.segments_study",
     "mesh_quality": "jaxmodel.run.meshing.quality_study",
     "resolution": "jaxmodel.run.chapter2.resolution",

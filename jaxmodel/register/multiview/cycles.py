@@ -67,7 +67,7 @@ def shared_out(motions: Sequence[np.ndarray], centres: Sequence[np.ndarray]) -> 
 
 
 def between(T: np.ndarray, other: np.ndarray, share: float, centre: Float[np.ndarray, "3"]) -> np.ndarray:
-    """A motion on the way from one to another: turned by the share of the turn, and what maps to ``centre`` moved so."""
+    """A motion on the way from one to another: turned by a share of the turn, what maps to ``centre`` moved by it."""
     turn = Rotation.from_matrix(other[:3, :3] @ T[:3, :3].T)
     inner = T[:3, :3].T @ (centre - T[:3, 3])
     moved = other[:3, :3] @ inner + other[:3, 3] - centre
