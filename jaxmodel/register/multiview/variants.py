@@ -114,7 +114,8 @@ def _in_cycles(
     """At most so many cycles of three parts fused, the strongest first."""
     waiting, done = list(parts), []
     while len(done) < most and (three := best_cycle(waiting, edges)) is not None:
-        found = fuse_cycle(*(waiting[k] for k in three), edges, length)
+        a, b, c = (waiting[k] for k in three)
+        found = fuse_cycle(a, b, c, edges, length)
         if found is None:
             break
         whole, cycle = found

@@ -141,5 +141,5 @@ def _by_size(part: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
     sizes = np.bincount(part)
     first = [int(np.flatnonzero(part == k)[0]) for k in range(len(sizes))]
     rank = np.empty(len(sizes), np.int64)
-    rank[np.lexsort((first, -sizes))] = np.arange(len(sizes))
+    rank[np.lexsort((np.array(first), -sizes))] = np.arange(len(sizes))
     return rank[part]

@@ -73,7 +73,7 @@ def _way(
             first = fit_graph(edges, first, centres, length).T_world_view
     first = inverse(first[0]) @ first
     between = time.perf_counter()
-    known = np.isfinite(first).all(axis=(1, 2))
+    known = np.asarray(np.isfinite(first).all(axis=(1, 2)))
     joint = fit_all(
         [view.surface for view, is_known in zip(views, known, strict=True) if is_known], first[known], length
     )

@@ -108,10 +108,8 @@ def draw(folder: RunDir, summary: Mapping[str, Any]) -> list[str]:
     for name, png in [(name, png) for name, (_, png) in pictures.items()] + [(c.name, chart_png(c)) for c in drawn]:
         folder.write(f"figures/{name}.png", png)
     sections = [*(Picture(title, png) for title, png in pictures.values()), *drawn]
-    page = render_report(
-        "Whole sets of views (thesis §2.8, §5.4.3)", facts(manifest), [*tables(summary, manifest["command"]), _pairs(summary)],
-        sections,
-    )  # fmt: skip
+    shown = [*tables(summary, manifest["command"]), _pairs(summary)]
+    page = render_report("Whole sets of views (thesis §2.8, §5.4.3)", facts(manifest), shown, sections)
     folder.write("report.html", page.encode())
     return [f"figures/{name}.png" for name in (*pictures, *(chart.name for chart in drawn))]
 

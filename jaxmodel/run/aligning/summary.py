@@ -83,7 +83,7 @@ def _order(
     names: Sequence[str], way: Way, views: Sequence[ViewOfScan], length: float, true: np.ndarray | None
 ) -> dict[str, Any]:
     known = np.flatnonzero(np.isfinite(way.T_world_view).all(axis=(1, 2)))
-    chosen = [views[k] for k in known]
+    chosen = [views[int(k)] for k in known]
     surfaces = [view.surface for view in chosen]
     told: dict[str, Any] = {
         "name": way.name,

@@ -1,6 +1,7 @@
 """From the ``scans`` node of the experiment ``multiview`` to scans in memory, with their true poses where known."""
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -58,7 +59,7 @@ class ViewSet(NamedTuple):
     """Scans by name, in order; ``T_world_view`` their true poses, or None; ``files`` they were read from."""
 
     name: str
-    scans: dict[str, RangeImage | Cloud]
+    scans: Mapping[str, RangeImage | Cloud]
     T_world_view: Float[np.ndarray, "n 4 4"] | None
     files: tuple[Path, ...]
 
@@ -72,7 +73,7 @@ def load_set(of: Sets, seed: int) -> ViewSet:
         scans = {name: bunny.scan(name) for name in bunny.names}
         poses = np.stack([bunny.T_world_scan(name) for name in bunny.names])
         return ViewSet("bunny", scans, poses, tuple(bunny.path(name) for name in bunny.names))
-    mesh = load_object(of.name).mesh
+    mesh = load_object(of.name)
     angles = [360.0 * k / of.views for k in range(of.views)]
     views = MeshViews(of.name, mesh, angles, of.sensor, of.noise, seed, elevation_deg=of.elevation_deg)
     poses = np.stack([views.T_world_scan(name) for name in views.names])
