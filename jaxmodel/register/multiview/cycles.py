@@ -38,8 +38,8 @@ class Cycle(NamedTuple):
 def close_cycle(a: Fused, b: Fused, c: Fused, edges: Sequence[Edge], length: float) -> Cycle | None:
     """Register around three parts and correct each motion by the two others; None where a pair is not joined."""
     pairs = (a, b), (b, c), (c, a)
-    guesses = [first_guess(*pair, edges) for pair in pairs]
-    if any(guess is None for guess in guesses):
+    guesses = [guess for pair in pairs if (guess := first_guess(*pair, edges)) is not None]
+    if len(guesses) < len(pairs):
         return None
     motions = [
         refine(x.surface, y.surface, T, length).T_target_source for (x, y), T in zip(pairs, guesses, strict=True)

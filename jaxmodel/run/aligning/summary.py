@@ -69,13 +69,8 @@ def _view(
         inner = int(np.searchsorted(members, number))
         told |= {"deviation_deg": float(way.joint.deviation_deg[inner]), "deviation": float(way.joint.deviation[inner])}
     if placed and true is not None:
-        told |= dict(
-            zip(
-                ("turn_deg", "shift"),
-                map(float, _errors(T[None], true[number][None], views[number : number + 1])),
-                strict=True,
-            )
-        )
+        turn, shift = _errors(T[None], true[number][None], views[number : number + 1])
+        told |= {"turn_deg": float(turn[0]), "shift": float(shift[0])}
     return told
 
 
