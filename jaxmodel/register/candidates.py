@@ -54,7 +54,7 @@ class PairOfViews(NamedTuple):
 
     def examined(self, T: Float[np.ndarray, "n 4 4"], reach: float) -> Candidates:
         """Poses with their evidence; surfaces within ``reach`` lengths may be the same."""
-        apart = np.float32(reach * self.length)
+        apart = np.asarray(reach * self.length, np.float32)
         kernel = Examine(self.target.side, self.source.side, apart, apart)
         found = run(kernel, Pose(*self.frames.to_centred(T)), ENGINE)
         near = found.source.near + found.target.near

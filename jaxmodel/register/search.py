@@ -120,14 +120,14 @@ def views_of(scans: Mapping[str, Scan]) -> tuple[dict[str, ViewOfScan], float]:
 
 def candidates(pair: PairOfViews, options: SearchOptions) -> Candidates:
     """The poses that are left at last, best first, each a different one; at least one."""
-    far = pair.best(pair.examined(_proposed(pair, options), options.reach), options.coarse, 10, 0.04)
+    far = pair.best(pair.examined(_proposed(pair, options), options.reach), options.coarse, 10.0, 0.04)
     started = pair.registered(_grid(pair, options), FROM_GRID)
-    far = far.joined(pair.best(pair.examined(started, options.reach), options.coarse // 2, 10, 0.04))
+    far = far.joined(pair.best(pair.examined(started, options.reach), options.coarse // 2, 10.0, 0.04))
     near = pair.registered(far.T_target_source, TO_PLANES)
-    fitted = _fitted(pair, pair.best(pair.examined(near, options.reach), options.fine, 5, 0.02), options)
+    fitted = _fitted(pair, pair.best(pair.examined(near, options.reach), options.fine, 5.0, 0.02), options)
     around = pair.registered(_around(pair, fitted.T_target_source[: options.last], options), TO_PLANES)
-    again = _fitted(pair, pair.best(pair.examined(around, options.reach), 2 * options.last, 2, 0.01), options)
-    return pair.best(fitted.joined(again), options.fine, 3, 0.015)
+    again = _fitted(pair, pair.best(pair.examined(around, options.reach), 2 * options.last, 2.0, 0.01), options)
+    return pair.best(fitted.joined(again), options.fine, 3.0, 0.015)
 
 
 def _proposed(pair: PairOfViews, options: SearchOptions) -> Float[np.ndarray, "n 4 4"]:
@@ -152,7 +152,7 @@ def _fitted(pair: PairOfViews, found: Candidates, options: SearchOptions) -> Can
     """Fitted exactly, examined with the last reach, best first."""
     surfaces = pair.target.surface, pair.source.surface
     T = np.stack([refine(*surfaces, each, pair.length).T_target_source for each in found.T_target_source])
-    return pair.best(pair.examined(T, options.last_reach), len(T), 3, 0.015)
+    return pair.best(pair.examined(T, options.last_reach), len(T), 3.0, 0.015)
 
 
 def _around(pair: PairOfViews, T: Float[np.ndarray, "n 4 4"], options: SearchOptions) -> Float[np.ndarray, "m 4 4"]:

@@ -38,8 +38,8 @@ class DepthMap(eqx.Module):
 
     ``axes (3, 3)`` rows right, down, forward; ``eye (3,)`` the sensor's place, or any point for an orthographic one
     (``at_infinity`` 1, else 0); ``corner (2,)`` of the map and ``cell``, its cells' edge, in the plane at depth 1;
-    ``nearest (EDGE, EDGE)`` depth of the nearest reading within a cell of each, infinite where there is none;
-    ``looked (EDGE, EDGE)`` whether the sensor's field covers the cell.
+    ``nearest (cells,)``, row by row, depth of the nearest reading within a cell of each, infinite where there is none;
+    ``looked (cells,)`` whether the sensor's field covers the cell.
     """
 
     axes: Float[AnyArray, "3 3"]
@@ -60,9 +60,9 @@ class DepthMap(eqx.Module):
         )
         inside = (column >= 0) & (column < EDGE) & (row >= 0) & (row < EDGE) & ((self.at_infinity > 0) | (forward > 0))
         key = (jnp.clip(row, 0, EDGE - 1) * EDGE + jnp.clip(column, 0, EDGE - 1)).astype(jnp.uint32)
-        nearest = gather(self.nearest, key)
+        nearest = gather(jnp.asarray(self.nearest), key)
         known = inside & jnp.isfinite(nearest)
-        empty = inside & ~known & gather(self.looked, key)
+        empty = inside & ~known & gather(jnp.asarray(self.looked), key)
         return Sight(jnp.where(known, nearest - forward, 0.0), known, empty)
 
 
@@ -87,9 +87,9 @@ def depth_map(image: RangeImage, origin: Float[np.ndarray, "3"]) -> DepthMap:
     return DepthMap(
         axes=axes.astype(np.float32),
         eye=(eye - origin).astype(np.float32),
-        at_infinity=np.float32(at_infinity),
+        at_infinity=np.asarray(at_infinity, np.float32),
         corner=corner.astype(np.float32),
-        cell=np.float32(cell),
+        cell=np.asarray(cell, np.float32),
         nearest=_least_around(nearest).astype(np.float32).ravel(),
         looked=(held[1][:, None] & held[0][None, :]).ravel(),
     )
@@ -100,7 +100,8 @@ def no_depth_map() -> DepthMap:
     none = np.zeros(EDGE * EDGE, bool)
     zero = np.zeros(3, np.float32)
     far = np.full(EDGE * EDGE, np.inf, np.float32)
-    return DepthMap(np.eye(3, dtype=np.float32), zero, np.float32(1), zero[:2], np.float32(1), far, none)
+    one = np.asarray(1, np.float32)
+    return DepthMap(np.eye(3, dtype=np.float32), zero, one, zero[:2], one, far, none)
 
 
 def _across(forward: Float[np.ndarray, "3"]) -> tuple[np.ndarray, np.ndarray]:
