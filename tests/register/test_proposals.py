@@ -13,7 +13,7 @@ COUNT = 256
 def _pairs(right: int, noise: float, seed: int) -> tuple[Pairs, np.ndarray]:
     draw = np.random.default_rng(seed)
     T = np.eye(4)
-    T[:3, :3], T[:3, 3] = Rotation.random(random_state=seed).as_matrix(), draw.normal(size=3) * 5
+    T[:3, :3], T[:3, 3] = Rotation.from_quat(draw.normal(size=4)).as_matrix(), draw.normal(size=3) * 5
     source = draw.normal(size=(COUNT, 3))
     normals = draw.normal(size=(COUNT, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)

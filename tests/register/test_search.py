@@ -60,7 +60,8 @@ def test_scans_from_opposite_sides_are_refused(views):
 
 def test_a_ball_has_many_poses_and_all_are_listed():
     ball = MeshViews("ball", known_solid("ball"), (0, 60), SENSOR, Laser(sigma=0.001))
-    found = search(*(ball.scan(name) for name in ball.names))
+    target, source = (ball.scan(name) for name in ball.names)
+    found = search(target, source)
     assert found.outcome is SearchOutcome.SEVERAL and len(found.equivalents) >= 3
     assert "several poses" in found.outcome.sentence
     true = ball.T_target_source(*ball.names)

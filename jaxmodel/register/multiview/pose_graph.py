@@ -24,7 +24,7 @@ TURN_DEG, SHIFT = 0.5, 0.004
 the search."""
 SOFT = 4.0
 """Standard deviations at which a pair's pull has fallen to a quarter."""
-MAX_STEPS = 60
+MAX_STEPS = 200
 
 
 class GraphFit(NamedTuple):
@@ -113,7 +113,7 @@ def _scaled(T: Float[np.ndarray, "*n 4 4"], length: float) -> Float[np.ndarray, 
 def _solved(graph: _Graph) -> tuple[jax.Array, jax.Array, jax.Array]:
     solution = optx.least_squares(
         lambda tangent, g: g.residual(tangent),
-        optx.LevenbergMarquardt(rtol=1e-9, atol=1e-9, linear_solver=NormalEquations()),
+        optx.LevenbergMarquardt(rtol=1e-7, atol=1e-7, linear_solver=NormalEquations()),
         jnp.zeros(6 * len(graph.poses), graph.poses.dtype),
         args=graph,
         max_steps=MAX_STEPS,
