@@ -86,8 +86,9 @@ class Sweep:
 class Register:
     """Register one pair of scans and write transform.json.
 
-    Without --init the pose is searched for, and judged: the probability that it is right is the confidence. With
-    --init, ICP goes on from there; with --method alone, the best of 500 evenly spread starts is taken.
+    With --init, ICP goes on from there. Without it the pose is searched for, and judged: the probability that it is
+    right is the confidence. With a method or control points chosen but no --init, the best of 500 evenly spread starts
+    is taken.
 
     Example: jaxmodel register bun000.ply bun045.ply --out runs/one
     """
@@ -104,8 +105,8 @@ class Register:
     """Points that drive the registration."""
     labels: Labels = ("crease",)
     """Which contours, with --control-points contours: crease for free forms and cylinders, all three for polyhedra."""
-    count: int = 2000
-    """How many control points of each scan."""
+    count: int | None = None
+    """How many control points of each scan: 2000 where they are needed."""
     seed: int = 0
     """Of every random draw."""
     out: Path | None = None

@@ -13,8 +13,10 @@ from jaxmodel.run.faults import fault_tables
 from jaxmodel.run.provenance import check_same, manifest
 from jaxmodel.run.registry import EXPERIMENTS, experiment_module, load_experiment, prepare_experiment
 
+POINTS = 2000
+"""Control points of each scan, where no number is given."""
 REGISTER_STARTS = 500
-"""Evenly spread starts that ``jaxmodel register --method`` tries when it is given no first guess."""
+"""Evenly spread starts that ``jaxmodel register`` tries when a method or control points are chosen but no first guess."""
 
 
 def run(command: arguments.Run, changes: list[tuple[str, str]], line: str) -> None:
@@ -42,9 +44,8 @@ def sweep(command: arguments.Sweep, line: str) -> None:
 def register(command: arguments.Register, line: str) -> None:
     """``jaxmodel register``: one motion, in ``transform.json``; a search that finds none it believes ends with 1."""
     out, resumed = folder_of(command, None), command.resume is not None
-    searched = command.init is None and command.method is None
-    if searched and (command.control_points != "subsample" or command.labels != ("crease",) or command.count != 2000):
-        raise InputError("--control-points, --labels and --count need --init or --method: a search chooses its own")
+    chosen = command.control_points != "subsample" or command.labels != ("crease",) or command.count is not None
+    searched = command.init is None and command.method is None and not chosen
     raw = _search_experiment(command) if searched else _filerun_experiment(command, None, _starts(command))
     summary = run_experiment(raw, "jaxmodel register", out, resumed, False, line)
     from jaxmodel.run.single import searched_transform, transform_of
@@ -118,7 +119,7 @@ def _filerun_experiment(
 
 
 def _control_points(command: arguments.Sweep | arguments.Register) -> dict[str, Any]:
-    chosen: dict[str, Any] = {"kind": command.control_points, "count": command.count}
+    chosen: dict[str, Any] = {"kind": command.control_points, "count": command.count or POINTS}
     if command.control_points == "contours":
         return chosen | {"labels": list(command.labels)}
     if command.labels != ("crease",):

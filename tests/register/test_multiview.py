@@ -46,7 +46,9 @@ def ring() -> Ring:
     for a, b in combinations(range(COUNT), 2):
         apart = min(b - a, COUNT - (b - a))
         if apart <= 2:
-            edges.append(Edge(a, b, _off(inverse(T[a]) @ T[b], centres[b], draw), 0.95, (0.5 / apart,) * 2, 1e-3))
+            edges.append(
+                Edge(a, b, _off(inverse(T[a]) @ T[b], centres[b], draw), 0.95, (0.5 / apart, 0.5 / apart), 1e-3)
+            )
     return Ring([surface_of(cloud) for cloud in clouds], centres, T, edges)
 
 

@@ -74,7 +74,7 @@ def test_all_pairs_together_are_better_than_a_tree():
     T, centres = _world(3)
     before, after = [], []
     for seed in range(6):
-        edges = _edges(T, 0.01, 0, seed)
+        edges = _edges(T, 0.004, 0, seed)
         tree = placed(edges, centres, 1.0).T_world_view
         fit = fit_graph(edges, tree, centres, 1.0)
         assert fit.settled
@@ -85,7 +85,7 @@ def test_all_pairs_together_are_better_than_a_tree():
 
 def test_neither_the_unit_nor_the_frames_matter_to_the_graph():
     T, centres = _world(4)
-    edges = _edges(T, 0.01, 1)
+    edges = _edges(T, 0.004, 1)
     start = placed(edges, centres, 1.0).T_world_view
     plain = fit_graph(edges, start, centres, 1.0).T_world_view
 

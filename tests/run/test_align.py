@@ -51,7 +51,10 @@ def test_scans_come_into_one_frame(gourd, tmp_path, capsys):
         assert np.linalg.norm((found - true)[:3] @ [0, 0, 3, 1]) < 0.004
     merged = load_scan(tmp_path / "run" / "merged.ply")
     whole = sum(int(views.scan(name).valid.sum()) for name in views.names)
-    assert len(merged.points) == whole and not isinstance(merged, RangeImage) and merged.normals is not None
+    assert len(merged.points) == whole and not isinstance(merged, RangeImage)
+    import open3d
+
+    assert open3d.io.read_point_cloud(str(tmp_path / "run" / "merged.ply")).has_normals()
     for name in ("manifest.json", "results.parquet", "report.html", "figures/merged.png", "figures/graph.png"):
         assert (tmp_path / "run" / name).stat().st_size > 0
     # a run that was killed before its end goes on to the same poses
@@ -69,7 +72,7 @@ def test_orders_are_compared_with_the_truth(tmp_path, capsys):
     orders = {order["name"]: order for order in json.loads((tmp_path / "run" / "summary.json").read_text())["orders"]}
     assert all(order["views"] == 6 and order["turn_worst"] < 0.6 for order in orders.values())
     assert all(order["apart"] <= order["apart_first"] for order in orders.values())
-    assert orders["graph"]["shift_median"] <= orders["chain"]["shift_median_first"]
+    assert orders["graph"]["turn_worst"] < orders["chain"]["turn_worst_first"]
     assert "Orders of fusion" in capsys.readouterr().out
     assert (tmp_path / "run" / "figures" / "orders.png").is_file()
 
@@ -82,7 +85,7 @@ def test_one_scan_alone_copies_and_equal_names_are_refused(gourd, tmp_path, refu
     assert "hold the same points" in refused("align", files[0], files[1], "copies/copy.npz", "--out", "out")
     shutil.copy(files[1], tmp_path / "copies" / Path(files[0]).name)
     assert "have this file name" in refused("align", files[0], f"copies/{Path(files[0]).name}", "--out", "out")
-    assert "no file absent.ply" in refused("align", files[0], "absent.ply", "--out", "out")
+    assert "absent.ply" in refused("align", files[0], "absent.ply", "--out", "out")
 
 
 def test_scans_that_share_nothing_end_with_1(gourd, tmp_path, capsys):

@@ -94,7 +94,7 @@ class SearchStudy(Prepared):
             rows.append(parts[0])
             progress.advance(1)
         table = polars.concat(rows, how="vertical")
-        folder.write_table("results.parquet", table.drop("seconds"))
+        folder.write_table("results.parquet", table.drop("prepare_seconds", "seconds"))
         summary: dict[str, Any] = {"experiment": "search", **summarised(table, self.config.least_overlap)}
         summary["drawn"] = min(len(self.pairs), MOST_DRAWN)
         progress.describe("pictures")
