@@ -16,7 +16,7 @@ from jaxmodel.run.registry import EXPERIMENTS, experiment_module, load_experimen
 POINTS = 2000
 """Control points of each scan, where no number is given."""
 REGISTER_STARTS = 500
-"""Evenly spread starts that ``jaxmodel register`` tries when a method or control points are chosen but no first guess."""
+"""Evenly spread starts that ``jaxmodel register`` tries with a method or control points but no first guess."""
 
 
 def run(command: arguments.Run, changes: list[tuple[str, str]], line: str) -> None:
