@@ -34,7 +34,7 @@ def read_carmen(path: str | Path) -> LaserLog:
     path = Path(path)
     ranges: list[list[float]] = []
     poses: list[list[float]] = []
-    odometry: list[Float[np.ndarray, "3"]] = []
+    odometry: list[Float[np.ndarray, 3]] = []
     raw, last, scan = np.zeros(3), None, None
     for number, line in enumerate(_text(path).splitlines(), start=1):
         words = line.split()

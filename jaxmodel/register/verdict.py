@@ -4,9 +4,11 @@ Two figures tell right from wrong: how much of each scan the other also shows, a
 other's sensor read. Their weights were fitted once, by logistic regression, to 240 pairs of simulated views of fifteen
 objects (seven built in, four plain solids, four scanned or designed meshes; 30 to 180 degrees apart, noise 0, 0.1 and
 0.3 % of the size) of which 146 came out right; each object judged by the others' pairs, the area under the curve was
-0.967. That a sensor read nothing where a surface should be says less than that it looked through it: real sensors
-miss some of what they look at, simulated ones do not. Right is up to the object's own symmetries: nothing in two scans tells its equivalent poses apart, so these are
-listed beside it. The experiment ``search`` measures the probability on other pairs.
+0.967. That a sensor read nothing where a surface should be says less than that it looked through it: real sensors miss
+some of what they look at, simulated ones do not.
+
+Right is up to the object's own symmetries: nothing in two scans tells its equivalent poses apart, so these are listed
+beside it. The experiment ``search`` measures the probability on other pairs.
 """
 
 from enum import IntEnum

@@ -71,14 +71,14 @@ def compose(a: Float[np.ndarray, "*n 3"], b: Float[np.ndarray, "*n 3"]) -> Float
     c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
     x = a[..., 0] + c * b[..., 0] - s * b[..., 1]
     y = a[..., 1] + s * b[..., 0] + c * b[..., 1]
-    return np.stack([x, y, wrapped(a[..., 2] + b[..., 2])], axis=-1)
+    return np.stack([x, y, wrapped(np.asarray(a[..., 2] + b[..., 2]))], axis=-1)
 
 
 def between(a: Float[np.ndarray, "*n 3"], b: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
     """The pose of b seen from a."""
     c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
     x, y = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
-    return np.stack([c * x + s * y, -s * x + c * y, wrapped(b[..., 2] - a[..., 2])], axis=-1)
+    return np.stack([c * x + s * y, -s * x + c * y, wrapped(np.asarray(b[..., 2] - a[..., 2]))], axis=-1)
 
 
 def wrapped(angle: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
