@@ -1,4 +1,4 @@
-"""CARMEN logs of a robot with a 2D laser: scans, the odometry before each, and the poses that the log was corrected to."""
+"""CARMEN logs of a robot with a 2D laser: scans, the odometry up to each, and the poses they were corrected to."""
 
 import gzip
 import zlib

@@ -83,4 +83,4 @@ def between(a: Float[np.ndarray, "*n 3"], b: Float[np.ndarray, "*n 3"]) -> Float
 
 def wrapped(angle: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
     """The same angle from -pi to pi."""
-    return np.arctan2(np.sin(angle), np.cos(angle))
+    return np.asarray(np.arctan2(np.sin(angle), np.cos(angle)))
