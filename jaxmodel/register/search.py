@@ -14,6 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from jaxmodel.errors import InputError
 from jaxmodel.register.candidates import Candidates, PairOfViews
+from jaxmodel.register.degeneracy import Freedom, freedom
+from jaxmodel.register.evidence import ALIKE
 from jaxmodel.register.method import IcpMethod, Strategy, ZhangFilter
 from jaxmodel.register.proposals import Pairs, alike, propose
 from jaxmodel.register.refine_pair import refine
@@ -24,6 +26,8 @@ from jaxmodel.scan.cloud import Cloud
 from jaxmodel.scan.range_image import RangeImage
 
 Scan = RangeImage | Cloud | np.ndarray
+FEW_SHARED = 50
+"""Points of 3000 that must be shared to tell what they are free to do."""
 MOST_RATIO = 50.0
 """Of the sizes of two scans of one object: beyond, they are taken for different units."""
 
@@ -95,7 +99,23 @@ def search_pair(pair: PairOfViews, options: SearchOptions | None = None) -> Foun
     mine, theirs = pair.target.whole.points, pair.source.whole.points
     if mine.shape == theirs.shape and np.abs(mine - theirs).max() <= 1e-9 * pair.length:
         return same_scan()
-    return judged(candidates(pair, SearchOptions() if options is None else options))
+    options = SearchOptions() if options is None else options
+    found = judged(candidates(pair, options))
+    return found._replace(freedom=shared_freedom(pair, found.T_target_source, options.last_reach))
+
+
+def shared_freedom(pair: PairOfViews, T_target_source: Float[np.ndarray, "4 4"], reach: float) -> Freedom | None:
+    """What the part that both scans show is free to do, target frame; None where it is too small to tell.
+
+    ``reach``: how far apart surfaces may be that are the same, in the length of the search.
+    """
+    target, source = pair.target.surface, pair.source.surface
+    R, t = T_target_source[:3, :3], T_target_source[:3, 3]
+    points, normals = source.points[source.asked] @ R.T + t, source.normals[source.asked] @ R.T
+    away, near = target.tree.query(points, distance_upper_bound=reach * pair.length)
+    held = np.flatnonzero(np.isfinite(away))
+    held = held[np.einsum("na,na->n", normals[held], target.normals[near[held]]) > ALIKE]
+    return freedom(points[held], normals[held]) if len(held) >= FEW_SHARED else None
 
 
 def views_of(scans: Mapping[str, Scan]) -> tuple[dict[str, ViewOfScan], float]:

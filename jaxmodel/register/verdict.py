@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxmodel.register.candidates import Candidates
+from jaxmodel.register.degeneracy import Freedom
 from jaxmodel.register.evidence import Evidence
 
 CONSTANT, OF_OVERLAP, OF_CONTRADICTION = 4.33, 1.17, -25.3
@@ -59,7 +60,8 @@ class Found(NamedTuple):
     the target near the source, and of the source near the target; ``contradicted``: shares of both, added, that stand
     where the other's sensor saw through; ``scatter``: root mean square distance to tangent planes where they meet, unit
     of the data; ``rival``: score of the next different pose in the best one's, 0 to 1; ``equivalents (k, 4, 4)``: other
-    poses that explain the scans as well, best first. The pose is the best one also where it is refused.
+    poses that explain the scans as well, best first; ``freedom`` of the part they share: motions that the surfaces do
+    not feel, target frame, None where they share too little to tell. The pose is the best one also where it is refused.
     """
 
     T_target_source: Float[np.ndarray, "4 4"]
@@ -70,6 +72,7 @@ class Found(NamedTuple):
     scatter: float
     rival: float
     equivalents: Float[np.ndarray, "k 4 4"]
+    freedom: Freedom | None = None
 
 
 def probability_of(evidence: Evidence) -> Float[np.ndarray, " n"]:

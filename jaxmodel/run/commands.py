@@ -57,6 +57,8 @@ def register(command: arguments.Register, line: str) -> None:
     with RunDir.resume(out) as folder:
         folder.write_json("transform.json", result)
     console.write(f"wrote {out / 'transform.json'}: {result['sentence']}, overlap {result['overlap']:.2f}")
+    if searched and result["free"]["kind"] != "held":
+        console.write(f"note: the shared surface is {result['free']['sentence']}")
     refused = searched and result["outcome"] == "refused"
     if command.json:
         status = "failed" if refused else "ok"

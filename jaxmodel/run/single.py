@@ -43,7 +43,8 @@ def searched_transform(target: Path, source: Path, pair: Mapping[str, Any]) -> d
         planes where the scans meet, unit of the data; ``overlap`` as of :func:`transform_of`; ``confidence``, the
         probability that the pose is right, up to the object's symmetries; ``shared``, the shares of target and source
         that lie on each other; ``contradicted``, the shares of both, added, that stand where the other's sensor saw
-        through; ``rival``, how close the next different pose comes, 0 to 1; ``equivalents``, the poses as good.
+        through; ``rival``, how close the next different pose comes, 0 to 1; ``equivalents``, the poses as good;
+        ``free``, which motions the shared surface does not feel, with their axis in the target's frame.
     """
     T = np.array(pair["T_target_source"], dtype=np.float64)
     clouds = [as_cloud(load_scan(path)).points for path in (target, source)]
@@ -58,6 +59,7 @@ def searched_transform(target: Path, source: Path, pair: Mapping[str, Any]) -> d
         "contradicted": pair["contradicted"],
         "rival": pair["rival"],
         "equivalents": pair["equivalents"],
+        "free": pair["free"],
     }
 
 

@@ -27,7 +27,15 @@ def tables(summary: Mapping[str, Any], command: str) -> list[Table]:
 
 def _pairs(summary: Mapping[str, Any], command: str) -> Table:
     known = "all" in summary
-    columns = ["pair", "how it ended", "probability", "shared, target and source", "contradicted", "poses as good"]
+    columns = [
+        "pair",
+        "how it ended",
+        "probability",
+        "shared, target and source",
+        "contradicted",
+        "poses as good",
+        "free",
+    ]
     columns += ["error", "right", "shared under the truth"] if known else []
     rows = []
     for pair in summary["pairs"]:
@@ -38,6 +46,7 @@ def _pairs(summary: Mapping[str, Any], command: str) -> Table:
             f"{100 * pair['overlap_target']:.1f}, {100 * pair['overlap_source']:.1f} %",
             f"{100 * pair['contradicted']:.1f} %",
             str(len(pair["equivalents"])),
+            "" if pair["free"]["kind"] == "held" else pair["free"]["kind"],
         ]
         if known:
             row += [

@@ -13,6 +13,7 @@ import polars
 from jaxmodel.io.results import RunDir
 from jaxmodel.io.strict_yaml import unstructure
 from jaxmodel.register.candidates import PairOfViews
+from jaxmodel.register.degeneracy import Kind
 from jaxmodel.register.search import SearchOptions, search_pair, views_of
 from jaxmodel.register.verdict import Found, SearchOutcome
 from jaxmodel.run.config import Scans
@@ -160,5 +161,8 @@ def _told(found: Found) -> dict[str, Any]:
         "contradicted": found.contradicted,
         "scatter": found.scatter,
         "rival": found.rival,
+        "free": Kind.HELD.name.lower() if found.freedom is None else found.freedom.kind.name.lower(),
+        "free_axis": [0.0] * 3 if found.freedom is None else [float(v) for v in found.freedom.axis],
+        "free_point": [0.0] * 3 if found.freedom is None else [float(v) for v in found.freedom.point],
         "equivalents": [[float(v) for v in np.asarray(T)[:3].ravel()] for T in found.equivalents],
     }

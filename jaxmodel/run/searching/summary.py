@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import polars
 
+from jaxmodel.register.degeneracy import Kind
 from jaxmodel.register.verdict import CONVINCING, SearchOutcome
 from jaxmodel.run.searching.judging import area_under_curve, operating_curve
 
@@ -48,6 +49,12 @@ def _pair(row: dict[str, Any]) -> dict[str, Any]:
         **{key: row[key] for key in told},
         "sentence": SearchOutcome[row["outcome"].upper()].sentence,
         "rival": row["rival"],
+        "free": {
+            "kind": row["free"],
+            "sentence": Kind[row["free"].upper()].sentence,
+            "axis": row["free_axis"],
+            "point": row["free_point"],
+        },
         "T_target_source": T,
         "equivalents": [[[*each[4 * i : 4 * i + 4]] for i in range(3)] + [[0.0, 0.0, 0.0, 1.0]]
                         for each in row["equivalents"]],
