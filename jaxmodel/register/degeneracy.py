@@ -88,9 +88,7 @@ def freedom(points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"])
     :class:`InputError` for fewer points.
     """
     if len(points) < FEWEST:
-        raise InputError(
-            f"{len(points)} points are too few to tell what they are free to do: expected {FEWEST} or more."
-        )
+        raise InputError(f"{len(points)} points are too few to tell what they are free to do: expected {FEWEST}.")
     kept = voxel_subsample(points, POINTS)
     p, n = np.asarray(points[kept], np.float64), np.asarray(normals[kept], np.float64)
     middle = p.mean(axis=0)
@@ -102,7 +100,7 @@ def freedom(points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"])
     if smooth.sum() >= FEWEST:
         p, n = p[smooth], n[smooth]
     felt, moved = _forms(p, n)
-    felt = _without_worst(p, n, felt, moved)
+    felt, moved = _without_worst(p, n, felt, moved)
     value, motion = eigh(felt, moved)
     floor = max(np.sin(np.deg2rad(SURE_DEG)), TIMES * error)
     spectrum = np.sqrt(np.maximum(value, 0.0))
@@ -138,7 +136,7 @@ def _off_trend(points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3
     count = min(NEIGHBOURS, len(points) - 1)
     if count < 6:
         return np.zeros(len(points))
-    near = KDTree(points).query(points, k=count + 1)[1][:, 1:]
+    near = np.asarray(KDTree(points).query(points, k=count + 1)[1])[:, 1:]
     offset = points[near] - points[:, None]
     design = np.concatenate([np.ones((*near.shape, 1)), offset], axis=2)
     # the trend of the neighbours, taken at the point itself, beside the normal found there
@@ -159,13 +157,15 @@ def _forms(p: Float[np.ndarray, "n 3"], n: Float[np.ndarray, "n 3"]) -> tuple[np
     return row.T @ row / len(p), np.einsum("nai,naj->ij", way, way) / len(p)
 
 
-def _without_worst(p: np.ndarray, n: np.ndarray, felt: np.ndarray, moved: np.ndarray) -> Float[np.ndarray, "6 6"]:
-    """What is felt, less the few points that alone feel the freest motions."""
+def _without_worst(
+    p: Float[np.ndarray, "n 3"], n: Float[np.ndarray, "n 3"], felt: Float[np.ndarray, "6 6"], moved: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Both forms, less the few points that alone feel the freest motions."""
     _, motion = eigh(felt, moved)
     row = np.concatenate([np.cross(p, n), n], axis=1)
     left = np.sum((row @ motion[:, :3]) ** 2, axis=1)
     calm = left <= np.quantile(left, 1 - WORST)
-    return _forms(p[calm], n[calm])[0]
+    return _forms(p[calm], n[calm])
 
 
 def _alone(felt: np.ndarray, moved: np.ndarray, part: slice) -> Float[np.ndarray, "3"]:
@@ -183,7 +183,7 @@ def _named(free: Float[np.ndarray, "6 k"]) -> tuple[Kind, np.ndarray, np.ndarray
         return Kind.HELD, zero, zero
     basis = np.linalg.qr(free)[0]
     # the part of the turns: as many of them as the free motions have beside pure shifts
-    left, size, right = np.linalg.svd(basis[:3], full_matrices=True)
+    _, size, right = np.linalg.svd(basis[:3], full_matrices=True)
     turns = int((size > TURNS_AT_ALL).sum())
     shifts = count - turns
     if turns == 0:
